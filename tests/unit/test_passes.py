@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import galloping
 from galloping import passes
-from galloping.identification.work import AFTER, count_work, limit_work, sub_budget
+from galloping.identification.work import OUTPUT_WORK, count_work, limit_work, sub_budget
 from galloping.passes import part, passing, progress
 from galloping.summary import terminal
 
@@ -80,7 +80,7 @@ def test_a_search_with_a_limit_tells_what_is_left_at_most_once_it_computes(clock
         passing("join segments")
     lines = capsys.readouterr().err.splitlines()
     # 0.6 s counted took 100 s, most of them to compile; then 4 s took 10 s
-    most = [2.5 * (10.0 - 4.6 + AFTER), 2.5 * (10.0 - 4.7 + AFTER)]
+    most = [2.5 * (10.0 - 4.6 + OUTPUT_WORK), 2.5 * (10.0 - 4.7 + OUTPUT_WORK)]
     assert [line.rpartition(" left")[2] for line in lines] == [
         "", *(f", {each:.0f} s at most" for each in most), f", {most[-1]:.0f} s at most"
     ]  # fmt: skip

@@ -119,7 +119,7 @@ def add_input_errors(
     if not names or identified.status == "refused":
         return identified
     samples, kept = (sum(one.samples for one in each) for each in (given, used))
-    about = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
+    diagnostics = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
     places = np.argwhere(identified.support)
     at = tuple(places.T)
     added, sizes = np.zeros((len(places), len(places))), []
@@ -128,7 +128,9 @@ def add_input_errors(
         values = np.concatenate([one.inputs[name](one.time) for one in used])
         ends = np.nanquantile(values, QUANTILES_90)
         sizes.append(float(np.sqrt(np.nanmean(values**2))))
-        about |= {f"{name}{end}": float(value) for end, value in zip(RANGE, ends, strict=True)}
+        diagnostics |= {
+            f"{name}{end}": float(value) for end, value in zip(RANGE, ends, strict=True)
+        }
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
         shift = error * power * identified.model.coefficients[at]
         shift[identified.standard_errors[at] == 0.0] = 0.0  # fixed coefficients have no such error
@@ -139,19 +141,19 @@ def add_input_errors(
     for name in ("standard_errors", "unconditional_errors"):
         wider[name] = getattr(identified, name).copy()
         wider[name][at] = np.hypot(wider[name][at], np.sqrt(np.diag(added)))
-    findings = find_weakly_determined_input_terms(identified, sizes, about)
-    return replace(identified, diagnostics=about, **wider).with_findings(*findings)
+    findings = find_weakly_determined_input_terms(identified, sizes, diagnostics)
+    return replace(identified, diagnostics=diagnostics, **wider).with_findings(*findings)
 
 
 def find_weakly_determined_input_terms(
-    identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, float | str]
+    identified: IdentifiedModel, sizes: Sequence[float], diagnostics: Mapping[str, float | str]
 ) -> list[Finding]:
     """Return findings on linear terms whose dependence on the inputs the data hardly determine.
 
     Such a term is present, while the same term with another power of the inputs is absent but may
     be more than a quarter as large: at other inputs the two differ. There is a finding for each
-    input, with its recorded range. sizes: root mean square of each input. about: diagnostics, with
-    the ranges.
+    input, with its recorded range. sizes: root mean square of each input. diagnostics: with the
+    ranges.
     """
     model, n = identified.model, len(identified.model.states)
     of_states, of_inputs = np.hsplit(exponent_matrix(model.terms, len(model.names)), [n])
@@ -169,8 +171,8 @@ def find_weakly_determined_input_terms(
         ]
     return [
         Finding.of(
-            Code.INPUT_RANGE_SHORT, name, low=about[name + RANGE[0]], high=about[name + RANGE[1]],
-            terms=", ".join(names),
+            Code.INPUT_RANGE_SHORT, name, low=diagnostics[name + RANGE[0]],
+            high=diagnostics[name + RANGE[1]], terms=", ".join(names),
         )
         for name in (model.inputs if names else ())
     ]  # fmt: skip

@@ -178,7 +178,7 @@ class Problem:
         ]  # fmt: skip
         return np.concatenate(powers)
 
-    def inputs_left_out(
+    def input_fit_errors(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float, powers: np.ndarray
     ) -> np.ndarray:
         """Compute the largest `fit_errors` of the polynomials of `input_factors`, (3, n_factors).
@@ -193,15 +193,15 @@ class Problem:
         return np.max(errors, axis=0)
 
     def with_prior(
-        self, information: np.ndarray, right: np.ndarray, about: np.ndarray | float = 0.0
+        self, information: np.ndarray, right: np.ndarray, origin: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Add Gaussian priors of coefficients to the normal equations of a regression.
 
-        The equations are (n, n) and (n,), of the candidates. about: (n,) coefficients at which
+        The equations are (n, n) and (n,), of the candidates. origin: (n,) coefficients at which
         `right` is measured, zero by default.
         """
         precision, mean = map(self.candidate_values, (self.precision, self.expected))
-        return information + np.diag(precision), right + precision * (mean - about)
+        return information + np.diag(precision), right + precision * (mean - origin)
 
     def candidate_values(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
         """Extract the entries of an (n_states, n_terms) array that belong to the candidates.
@@ -221,15 +221,15 @@ class Problem:
                 lower[k], upper[k] = least, most
         return lower, upper
 
-    def selection_offset(self, about: np.ndarray | float = 0.0) -> np.ndarray:
+    def selection_offset(self, origin: np.ndarray | float = 0.0) -> np.ndarray:
         """Return offsets of coefficients that make a selection keep all terms with a prior.
 
-        They are `about` of `selection.whiten`, (n_candidates,). A selection keeps terms whose
+        They are `origin` of `selection.whiten`, (n_candidates,). A selection keeps terms whose
         coefficients are far from zero. Those with a prior are therefore moved by 1e4 deviations of
         it.
         """
         root = np.sqrt(self.candidate_values(self.precision))
-        return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
+        return origin + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
 
     def select_terms(
         self,
@@ -237,57 +237,57 @@ class Problem:
         right: np.ndarray,
         starts: list[np.ndarray],
         price: Price | np.ndarray | float,
-        about: np.ndarray | float = 0.0,
-        among: np.ndarray | slice = slice(None),
+        origin: np.ndarray | float = 0.0,
+        indices: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
         """Select the terms of a regression by least chi^2 plus penalties, within all bounds.
 
-        Returns the support, (n,) boolean. The method is `selection.select_support`. about: (n,)
-        coefficients at which `right` is measured. among: indices of the candidates. A term whose
+        Returns the support, (n,) boolean. The method is `selection.select_support`. origin: (n,)
+        coefficients at which `right` is measured. indices: indices of the candidates. A term whose
         coefficient would be beyond its bounds is left out, unless the bounds exclude zero: then the
         term is always present.
         """
-        offset = self.selection_offset()[among]
+        offset = self.selection_offset()[indices]
         if not self.bounds:
-            return select_support(information, right, starts, price, about + offset)
-        lower, upper = (ends[among] for ends in self.coefficient_bounds)
+            return select_support(information, right, starts, price, origin + offset)
+        lower, upper = (ends[indices] for ends in self.coefficient_bounds)
         is_required, is_excluded = (lower > 0.0) | (upper < 0.0), np.zeros(len(right), bool)
         root = np.sqrt(np.where(is_required & (offset == 0.0), np.diag(information), 0.0))
         offset = offset + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
-        about = np.broadcast_to(about, right.shape)
+        origin = np.broadcast_to(origin, right.shape)
         while True:
-            moved = about + np.where(is_excluded, 0.0, offset)
+            shifted = origin + np.where(is_excluded, 0.0, offset)
             allowed = [start & ~is_excluded for start in starts]
-            support = select_support(information, right, allowed, price, moved)
+            support = select_support(information, right, allowed, price, shifted)
             change, _ = solve_support(information, right, support)
-            k, _ = _farthest_out(about + change, support & ~is_required, lower, upper)
+            k, _ = _farthest_out(origin + change, support & ~is_required, lower, upper)
             if k < 0:
                 return support | is_required
             is_excluded[k] = True
-            right = right + information[:, k] * about[k]
-            information, about = information.copy(), about.copy()
-            information[k] = information[:, k] = right[k] = about[k] = 0.0
+            right = right + information[:, k] * origin[k]
+            information, origin = information.copy(), origin.copy()
+            information[k] = information[:, k] = right[k] = origin[k] = 0.0
 
     def solve_within_bounds(
         self,
         information: np.ndarray,
         right: np.ndarray,
         support: np.ndarray,
-        about: np.ndarray | float = 0.0,
+        origin: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Fit the coefficients of given terms by least squares within their bounds.
 
-        As `selection.solve_support`. about: (n,) coefficients at which `right` is measured. Returns
-        how far the best coefficients are from these (n,), and their covariance (n_support,
+        As `selection.solve_support`. origin: (n,) coefficients at which `right` is measured.
+        Returns how far the best coefficients are from these (n,), and their covariance (n_support,
         n_support) without bounds.
         """
         change, covariance = solve_support(information, right, support)
         free, fixed = support.copy(), np.zeros(len(right))
         while self.bounds:
-            k, value = _farthest_out(about + change, free, *self.coefficient_bounds)
+            k, value = _farthest_out(origin + change, free, *self.coefficient_bounds)
             if k < 0:
                 break
-            free[k], fixed[k] = False, value - np.broadcast_to(about, right.shape)[k]
+            free[k], fixed[k] = False, value - np.broadcast_to(origin, right.shape)[k]
             change, _ = solve_support(information, right - information @ fixed, free)
         return np.where(free, change, fixed), covariance
 
@@ -353,14 +353,14 @@ class Problem:
 
 
 def _farthest_out(
-    values: np.ndarray, among: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    values: np.ndarray, is_free: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[int, float]:
     """Find which value is farthest beyond its bounds, relative to its size.
 
-    among: (n,) boolean. Returns its index and the nearest number within; -1 if all are within.
+    is_free: (n,) boolean. Returns its index and the nearest number within; -1 if all are within.
     """
     within = np.clip(values, lower, upper)
-    off = np.where(among, np.abs(values - within), 0.0)
+    off = np.where(is_free, np.abs(values - within), 0.0)
     k = int(np.argmax(off / np.maximum(np.abs(values), np.finfo(float).tiny)))
     return (k, float(within[k])) if off[k] > 0.0 else (-1, 0.0)
 

@@ -70,7 +70,7 @@ def select_support(
     right: np.ndarray,
     starts: list[np.ndarray],
     price: Price | np.ndarray | float,
-    about: np.ndarray | None = None,
+    origin: np.ndarray | None = None,
 ) -> np.ndarray:
     """Search for the set of terms with the least sum of chi^2 and penalties of its terms.
 
@@ -80,9 +80,9 @@ def select_support(
     least, since a term beside a similar one has a large error, and so an incomparable penalty.
     Finally, from the best support terms are removed that do not reach their penalties with the
     errors they have there. price: of each term (n,), in units of chi^2, or one of all. Shapes as in
-    `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
+    `solve_support`; origin: as in `whiten`. Returns the (n,) boolean support.
     """
-    whitened = whiten(information, right, about)
+    whitened = whiten(information, right, origin)
     least = np.broadcast_to(price.least if isinstance(price, Price) else price, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
@@ -117,10 +117,12 @@ class Whitened:
         return self.unit > 0.0
 
 
-def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None = None) -> Whitened:
+def whiten(
+    information: np.ndarray, right: np.ndarray, origin: np.ndarray | None = None
+) -> Whitened:
     """Convert normal equations to an equivalent least-squares problem by Cholesky factorisation.
 
-    information: (n, n), right: (n,). Each term is in its own unit. about: (n,) coefficients of a
+    information: (n, n), right: (n,). Each term is in its own unit. origin: (n,) coefficients of a
     good fit, at which `right`, half the decrease of chi^2 with each coefficient, is measured. There
     it is small; measured at zero, it would lose its digits.
     """
@@ -136,8 +138,8 @@ def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None 
         values, vectors = np.linalg.eigh(scaled)
         root = np.sqrt(np.maximum(values, RIDGE))
         columns, target = root[:, None] * vectors.T, (right * unit) @ vectors / root
-    if about is not None:
-        target = target + columns @ (about * np.sqrt(np.maximum(diagonal, 0.0)))
+    if origin is not None:
+        target = target + columns @ (origin * np.sqrt(np.maximum(diagonal, 0.0)))
     return Whitened(columns, target, unit)
 
 
@@ -279,10 +281,10 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
     while True:
         fit = make_tableau(whitened, support)
         c, inverse, price = fit.coefficients, fit.covariance, prices[fit.kept]
-        left = np.ones(len(c), bool)
-        while left.any():
+        is_kept = np.ones(len(c), bool)
+        while is_kept.any():
             variance = np.diag(inverse)  # zero by rounding beside a nearly equal term
-            known = left & (variance > 0.0)
+            known = is_kept & (variance > 0.0)
             excess = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=known) - price
             worst = int(np.argmin(excess))
             if excess[worst] >= 0.0:
@@ -290,11 +292,11 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
             column = inverse[:, worst] / inverse[worst, worst]
             c = c - column * c[worst]
             inverse = inverse - column[:, None] * inverse[worst]
-            left[worst] = False
-        if left.all():
+            is_kept[worst] = False
+        if is_kept.all():
             return support
         support = np.zeros_like(support)
-        support[fit.kept[left]] = True
+        support[fit.kept[is_kept]] = True
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:

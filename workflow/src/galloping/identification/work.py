@@ -19,22 +19,23 @@ from galloping.recording.samples import Recording
 # Most work of a search, s, in recordings sampled at up to TIMES times. In longer ones it is larger
 # in proportion. With 24 s, recordings that no model follows are refused sooner, and some lines in
 # wild motion lose their exact model (docs/identification_parts.csv).
-MOST = 36.0
+MOST_WORK = 36.0
 TIMES = 30_001
-AFTER = 12.0  # s, allowance for forecasts, limit cycles and figures, which are not counted
+OUTPUT_WORK = 12.0  # s, allowance for forecasts, limit cycles and figures, which are not counted
 
 
 @dataclass
 class Work:
     """Limit of the computing work of a search for a model, and the work done so far, in s.
 
-    ended: whether anything was omitted for lack of work. around: the work that this is a part of.
+    is_cut_short: whether anything was omitted for lack of work. outer: the work of which this is a
+    part.
     """
 
     most: float
     spent: float = 0.0
-    ended: bool = False
-    around: Work | None = None
+    is_cut_short: bool = False
+    outer: Work | None = None
 
     @property
     def remaining(self) -> float:
@@ -43,7 +44,7 @@ class Work:
 
     def downgrade_if_ended(self, identified: IdentifiedModel) -> IdentifiedModel:
         """Add a finding to a model if the work limit ended its search, so that it is not `ok`."""
-        if not self.ended or identified.has_finding(Code.LIMIT_OF_WORK):
+        if not self.is_cut_short or identified.has_finding(Code.LIMIT_OF_WORK):
             return identified
         return identified.with_findings(Finding.of(Code.LIMIT_OF_WORK))
 
@@ -52,13 +53,13 @@ _UNLIMITED = Work(float("inf"))
 _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
-def work_limit(rows: int, most: float = MOST) -> float:
+def work_limit(rows: int, most: float = MOST_WORK) -> float:
     """Compute the computing work allowed for a search, in s, from the number of sampling times."""
     return most * max(1.0, rows / TIMES)
 
 
 @contextmanager
-def limit_work(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
+def limit_work(recordings: Sequence[Recording], most: float = MOST_WORK) -> Iterator[Work]:
     """Limit the computing work in a `with` block, by the size of the recordings.
 
     The limit is that of a search in these recordings, or the remaining work if that is less. most:
@@ -75,24 +76,24 @@ def sub_budget(share: float) -> Iterator[Work]:
 
     If the block omits anything for lack of work, so does the search around it.
     """
-    around = _work.get()
-    with _nested_work(share * around.remaining) as work:
+    outer = _work.get()
+    with _nested_work(share * outer.remaining) as work:
         try:
             yield work
         finally:
-            around.ended |= work.ended
+            outer.is_cut_short |= work.is_cut_short
 
 
 @contextmanager
 def _nested_work(most: float) -> Iterator[Work]:
-    around = _work.get()
-    work = Work(most, around=around)
+    outer = _work.get()
+    work = Work(most, outer=outer)
     token = _work.set(work)
     try:
         yield work
     finally:
         _work.reset(token)
-        around.spent += work.spent
+        outer.spent += work.spent
 
 
 def count_work(seconds: float) -> None:
@@ -108,13 +109,13 @@ def work_counted() -> tuple[float, float]:
     work: Work | None = _work.get()
     most, spent = _UNLIMITED.most, 0.0
     while work and work is not _UNLIMITED:
-        most, spent, work = work.most, spent + work.spent, work.around
-    return spent, max(most - spent, 0.0) + AFTER
+        most, spent, work = work.most, spent + work.spent, work.outer
+    return spent, max(most - spent, 0.0) + OUTPUT_WORK
 
 
 def is_exhausted() -> bool:
     """Decide whether the work limit is reached; if so, mark the search as ended early."""
     work = _work.get()
     exhausted = work.remaining <= 0.0
-    work.ended |= exhausted
+    work.is_cut_short |= exhausted
     return exhausted

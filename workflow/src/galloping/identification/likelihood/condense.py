@@ -72,8 +72,8 @@ class Condensed:
             self.inputs[within], sensitive, samples,
         )  # fmt: skip
         windows, columns = first[-1] - first[0], solution[1].shape[3]
-        moved = len(set(map(tuple, compiled.jacobian[:, :2].tolist())))
-        products = moved * ORDER**2 / 2 + self.functionals[0, ..., 0].size * ORDER
+        n_entries = len(set(map(tuple, compiled.jacobian[:, :2].tolist())))
+        products = n_entries * ORDER**2 / 2 + self.functionals[0, ..., 0].size * ORDER
         count_work(2.3e-10 * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
         return solution
 

@@ -10,7 +10,7 @@ from galloping.identification.likelihood.free_run import sandwich_covariance
 from galloping.identification.likelihood.model_error import prior_covariance
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.verdict import (
-    Fitted,
+    FitFields,
     Regression,
     assess_approximation,
     assess_fit,
@@ -66,14 +66,14 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         price = problem.term_prices(2.0 * np.log(samples), size).of_terms(block)
         support[block] = problem.select_terms(
             information[np.ix_(block, block)], right[block], [np.ones(len(block), bool)], price,
-            among=block,
+            indices=block,
         )  # fmt: skip
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # by the mean sample count of an equation
     free, covariance = problem.solve_within_bounds(information, right, support)
     of_prior, pull = problem.with_prior(np.zeros((n, n)), np.zeros(n))
     misfit = squares + float(free @ ((information - of_prior) @ free - 2.0 * (right - pull)))
-    fitted: Fitted = {
+    fitted: FitFields = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,
         "chi2": misfit / max(count - int(support.sum()), 1),

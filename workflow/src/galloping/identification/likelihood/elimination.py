@@ -143,14 +143,14 @@ def _eliminate(
     count_work(len(links) * (2 * SEGMENT_WORK + 1e-9 * roots.shape[1] * len(right) ** 2))
     mismatch = linear.ends - np.roll(linear.starts, -1, axis=0)
     n, begins = len(right), np.append(True, links[:-1] == FREE)
-    kept, left, relations, spreads = filter_back(
+    kept, equations, relations, spreads = filter_back(
         linear.rows, linear.end_derivatives, mismatch, links, roots
     )
     first, first_root, undetermined = _solve_first_states(kept[begins], n, rcond)
     response, variance, jump_variance = follow_states(
         relations, spreads, linear.end_derivatives, begins, first, first_root
     )
-    remaining = np.concatenate([left.reshape(-1, n + 1), undetermined.reshape(-1, n + 1)])
+    remaining = np.concatenate([equations.reshape(-1, n + 1), undetermined.reshape(-1, n + 1)])
     information = information + remaining[:, :n].T @ remaining[:, :n]
     right = right + remaining[:, n] @ remaining[:, :n]
     fall = float(np.sum(kept[begins, :, -1] ** 2) - np.sum(undetermined[:, :, n] ** 2))

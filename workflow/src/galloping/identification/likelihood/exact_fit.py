@@ -41,7 +41,7 @@ def fit_exact(start: Start) -> IdentifiedModel | NoModel:
         return NoModel((Finding.of(code),))
     if joined.objection:
         is_cut = joined.objection.code == Code.LIMIT_OF_WORK  # then the data show no cause
-        causes = [] if is_cut else _find_causes(joined.free.fit, penalty)
+        causes = [] if is_cut else _find_causes(joined.free_step.fit, penalty)
         return NoModel((*causes, joined.objection))
     residual, tests = _chain_residuals(start, joined.step.fit)
     if tests.is_coloured and tests.band < MOST_COLOUR:
@@ -100,14 +100,14 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
         key = guess.free.tobytes()  # two guesses may be equal
         if key not in steps:
             steps[key] = fit_free_segments(start, guess)
-        free = steps[key]
-        if free is None:
+        free_step = steps[key]
+        if free_step is None:
             continue
-        has_unseen = n_unidentifiable_directions(free.information, largest) > 0
-        joined = join_segments(free, start.price, price_factor, has_unseen)
+        has_unseen = n_unidentifiable_directions(free_step.information, largest) > 0
+        joined = join_segments(free_step, start.price, price_factor, has_unseen)
         if has_kinks:
             joined = refine_fit(joined, start.price)
-        joined = replace(joined, path=(name, *free.path(start.period), *joined.path))
+        joined = replace(joined, path=(name, *free_step.path(start.period), *joined.path))
         if price_factor > 1.0 and joined.settled and has_unseen:
             # a model of fewer terms can have the same limit cycle
             n_unseen = n_unidentifiable_directions(joined.step.information, largest)
@@ -145,7 +145,7 @@ def _refit_coloured_noise(start: Start, joined: JoinedFit, tests: ResidualDiagno
     step = replace(joined.step, before=fit, fit=fit)
     again = join_segments(step, start.price, 1.0, False)
     path = (*joined.path, "coloured noise", *again.path)
-    return replace(again, free=joined.free, path=path)
+    return replace(again, free_step=joined.free_step, path=path)
 
 
 def _find_objections(
@@ -155,15 +155,15 @@ def _find_objections(
 
     It is near if only an instrument is suspected, as by design of one sound recording in 200.
     """
-    causes = find_faults(fit, penalty)
+    faults = find_faults(fit, penalty)
     misfit = tests.find_objections(fit.record.channel_names)
     if misfit:
         excess = float(np.sum(tests.excess / fit.sigma**2))
-        causes = [fault for fault in causes if fault.can_explain(excess)]
-    is_fault = bool(causes) and not causes[0].or_model
-    named = _find_missing_kind(fit, penalty) if (misfit or causes) and not is_fault else []
-    named = named or [fault.cause for fault in causes[:1]]
-    return [*named, *misfit], is_fault and not misfit
+        faults = [fault for fault in faults if fault.can_explain(excess)]
+    is_fault = bool(faults) and not faults[0].or_model
+    causes = _find_missing_kind(fit, penalty) if (misfit or faults) and not is_fault else []
+    causes = causes or [fault.cause for fault in faults[:1]]
+    return [*causes, *misfit], is_fault and not misfit
 
 
 def _find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
@@ -176,16 +176,16 @@ def _find_causes(fit: ShootingFit, penalty: float) -> list[Finding]:
     """Find causes for which no model may follow the whole recording; none without work left."""
     if is_exhausted():
         return []
-    if named := _find_missing_kind(fit, penalty):
-        return named
-    over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
-    excess = float(np.sum(fit.record.condensed.rows * over))
-    named = [fault.cause for fault in find_faults(fit, penalty) if fault.can_explain(excess)][:1]
-    if fit.misfit < CLOSE_MISFIT and not any(each.code in FORCES for each in named):
+    if causes := _find_missing_kind(fit, penalty):
+        return causes
+    excess_share = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
+    excess = float(np.sum(fit.record.condensed.rows * excess_share))
+    causes = [fault.cause for fault in find_faults(fit, penalty) if fault.can_explain(excess)][:1]
+    if fit.misfit < CLOSE_MISFIT and not any(each.code in FORCES for each in causes):
         # a small fault would not prevent the segments from joining
         forces = FORCES[bool(fit.record.problem.inputs)]
-        named += [Finding.of(Code.FOLLOWED_IN_PIECES), Finding.of(forces)]
-    return named
+        causes += [Finding.of(Code.FOLLOWED_IN_PIECES), Finding.of(forces)]
+    return causes
 
 
 def _sample_noise(fit: ShootingFit, residual: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:

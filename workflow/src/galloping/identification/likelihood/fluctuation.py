@@ -67,7 +67,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     # changes, by less than 0.2 standard errors.
     passes = 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit, repeated=rates)
-    for passed in range(passes):
+    for iteration in range(passes):
         if is_exhausted():
             return None
         passing("try coefficients that fluctuate")
@@ -75,14 +75,14 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
         # Fluctuations explain 0.56 or more of the excess if the library lacks only gusts, and 0.06
         # or less without gusts. On a line with more modes in the same gusts they explain 0.32 to
         # 0.50, and the terms that are then chosen imitate these modes.
-        if passed and not excess - _log_excess(record, misfit) >= 0.53 * excess:
+        if iteration and not excess - _log_excess(record, misfit) >= 0.53 * excess:
             return None
         support, jump = fine.support, fine.jump
         for settling in reversed(range(5)):
             wider = _add_fluctuations(parts, fine.linearised, rates, variance)
             roots = _change_roots(parts, jumping, jump, size, variance)
             solved = eliminate_with_jumps(wider, parts.segments, roots)
-            if not settling and 0 < passed < passes - 1:
+            if not settling and 0 < iteration < passes - 1:
                 support = solved.choose_terms(fine, penalty)
                 support = problem.same_state_monomial(support)
             free, covariance = solved.best_coefficients(fine, support)
@@ -92,8 +92,10 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
             squares = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
             variance = np.maximum(squares[:, len(size) :].mean(axis=0), least)
         starts = fine.starts + step[:, : len(size)]
-        moved = replace(fine, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
-        fine = shorten_until_integrable(fine, moved)
+        next_fit = replace(
+            fine, free=free, support=support, starts=starts, misfit=misfit, jump=jump
+        )
+        fine = shorten_until_integrable(fine, next_fit)
     if not fine.support.any():
         return None
     return replace(fit, free=fine.free, support=fine.support), covariance

@@ -47,11 +47,11 @@ def approximate_free_runs(
     covariance = sandwich_covariance(_window_gradients(fit, residual), inverse)
     record, condensed = fit.record, fit.record.condensed
     covariance += prior_covariance(record.problem, inverse, fit.support)
-    made = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
+    approximation = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
     squares = condensed.sum_squares(residual)
-    left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
+    noise = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
     missed = Finding.of(Code.FREE_RUN_MISSES, share=0.0)
-    return as_identified(made, residual, left, objections, missed)
+    return as_identified(approximation, residual, noise, objections, missed)
 
 
 def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
@@ -72,8 +72,8 @@ def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray)
             if (count := min(len(each), 40))
         ]
     )
-    moved = stretches @ covariance
-    return SYSTEMATIC * small_sample_factor(len(moved)) * moved.T @ moved
+    influence = stretches @ covariance
+    return SYSTEMATIC * small_sample_factor(len(influence)) * influence.T @ influence
 
 
 def fit_free_runs(

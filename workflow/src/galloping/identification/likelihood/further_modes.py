@@ -35,13 +35,13 @@ def find_further_modes(
     weights = condensed.samplings[:, :, 0, 0]
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o, i in enumerate(condensed.observed):
-            left, data = residual[a:b, o, 0], condensed.motion[a:b, o, 0]
-            sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(left))
-            exact = np.linalg.norm(left[sampled]) < ROUNDING * np.linalg.norm(data)
+            series, data = residual[a:b, o, 0], condensed.motion[a:b, o, 0]
+            sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(series))
+            exact = np.linalg.norm(series[sampled]) < ROUNDING * np.linalg.norm(data)
             few = len(sampled) < max((b - a) / 2, NEIGHBOURS)
             if condensed.is_rate[o] or i in rates or exact or few:
                 continue
-            means = left[sampled] / weights[a:b, o][sampled]
+            means = series[sampled] / weights[a:b, o][sampled]
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))
             lowest = 1.5 * main / (b - a) / condensed.step  # Hz; below are the model's errors
             time = condensed.step * (sampled + 0.5)
@@ -60,18 +60,18 @@ def _find_oscillations(
     """
     stretch = Stretch(time - time[0], values[:, np.newaxis], (0,))
     band = 2.0 * np.pi * lowest, 2.0 * np.pi * FASTEST / window
-    poles, amplitudes, left = np.empty(0, complex), np.empty(0, complex), values - values.mean()
+    poles, amplitudes, residual = np.empty(0, complex), np.empty(0, complex), values - values.mean()
     for _ in range(MOST_MODES):
-        best = strongest_mode([stretch], [left[:, np.newaxis]], poles, band=band)
+        best = strongest_mode([stretch], [residual[:, np.newaxis]], poles, band=band)
         if best is None:
             break
         fit = attempt(fit_poles, [stretch], np.append(poles, best))
         if isinstance(fit, NoModel):
             break
         remainder = fit.residuals[0][:, 0]
-        if remainder @ remainder > (1.0 - LEAST_POWER) * (left @ left):
+        if remainder @ remainder > (1.0 - LEAST_POWER) * (residual @ residual):
             break
-        poles, amplitudes, left = fit.poles, fit.amplitudes[0][:, 0], remainder
+        poles, amplitudes, residual = fit.poles, fit.amplitudes[0][:, 0], remainder
     modes = []
     for pole, amplitude in zip(poles, amplitudes, strict=True):
         begin = amplitude * np.exp(-pole * time[0])  # at the first sample

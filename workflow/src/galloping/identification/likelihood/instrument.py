@@ -69,8 +69,8 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     rates = replace(fit.record, condensed=condensed.as_rates()).predict_projections(
         fit.free, fit.starts
     )
-    wider, late = _add_input_rates(fit)
-    entries, columns, tests = _fault_parameters(fit.record, rates, late)
+    wider, delayed = _add_input_rates(fit)
+    entries, columns, tests = _fault_parameters(fit.record, rates, delayed)
 
     def linearise_terms(terms: np.ndarray) -> Linearised:
         return wider.linearise(np.vstack([problem.candidates[terms], entries]), columns)
@@ -108,7 +108,7 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
     coefficients, powers = problem.coefficients(fit.free), condensed.inputs
     n, extra = len(problem.states), len(problem.inputs)
     many = n + extra
-    terms, late = [(*term[:many], *[0] * extra, *term[many:]) for term in problem.terms], []
+    terms, delayed = [(*term[:many], *[0] * extra, *term[many:]) for term in problem.terms], []
     powers_of_inputs = exponent_matrix(problem.terms, many)[:, n:]
     slopes = np.zeros_like(powers)
     slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
@@ -120,8 +120,8 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
         pairs, weights = [], []
         for i, j in np.argwhere(coefficients).tolist():
             if power := int(powers_of_inputs[j, k]):
-                moved = {n + k: power - 1, n + extra + k: 1}
-                slope = tuple(moved.get(place, e) for place, e in enumerate(terms[j]))
+                changed = {n + k: power - 1, n + extra + k: 1}
+                slope = tuple(changed.get(place, e) for place, e in enumerate(terms[j]))
                 if slope not in terms:
                     factor = problem.tables.factors.index(problem.terms[j][n : n + extra])
                     if all(slope[n : n + 2 * extra] != term[n : n + 2 * extra] for term in terms):
@@ -130,11 +130,11 @@ def _add_input_rates(fit: ShootingFit) -> tuple[ShootingFit, list[DelayedInput]]
                 pairs.append((i, terms.index(slope)))
                 weights.append(-coefficients[i, j] * power)
         if pairs:
-            late.append((name, pairs, weights))
-    if not late:
+            delayed.append((name, pairs, weights))
+    if not delayed:
         return fit, []
     rates = [f"d({name})/dt" for name in problem.inputs]
-    return add_inputs(fit, rates, terms, np.concatenate(columns, axis=2)), late
+    return add_inputs(fit, rates, terms, np.concatenate(columns, axis=2)), delayed
 
 
 def add_inputs(
@@ -154,7 +154,7 @@ def add_inputs(
 
 
 def _fault_parameters(
-    record: ShootingData, rates: np.ndarray, late: list[DelayedInput]
+    record: ShootingData, rates: np.ndarray, delayed: list[DelayedInput]
 ) -> tuple[np.ndarray, np.ndarray, list[Fault]]:
     """Make the parameters of faults, and the faults as mixtures of them.
 
@@ -174,7 +174,7 @@ def _fault_parameters(
         columns[:, o, :, o] = -rates[:, o]
         columns[:, o, :, count + o] = trend[:, o]
     entries = [(i, problem.linear(v)) for i, v in kinematic]
-    first = len(entries) + sum(len(pairs) for _, pairs, _ in late)
+    first = len(entries) + sum(len(pairs) for _, pairs, _ in delayed)
     n, tests = first + 2 * count, []
 
     def add_test(
@@ -188,7 +188,7 @@ def _fault_parameters(
         add_test([k], Finding.of(Code.RATE_DISAGREES, states[v], coordinate=states[i]))
     if len(kinematic) > 1:
         add_test(list(range(len(kinematic))), Finding.of(Code.RATES_DISAGREE))
-    for name, pairs, weights in late:
+    for name, pairs, weights in delayed:
         places = list(range(len(entries), len(entries) + len(pairs)))
         add_test(places, Finding.of(Code.INPUT_DELAYED, name), True, weights)
         entries += pairs
@@ -211,10 +211,10 @@ def score_test(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) 
     information, right = _combine_parameters(information, right, mixture)
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
     cross = information[-1, :-1]
-    left = information[-1, -1] - cross @ covariance @ cross
-    if left < DEPENDENT * information[-1, -1] or left <= 0.0:
+    remaining = information[-1, -1] - cross @ covariance @ cross
+    if remaining < DEPENDENT * information[-1, -1] or remaining <= 0.0:
         return 0.0
-    return float(abs(right[-1] - information[-1] @ change) / np.sqrt(left))
+    return float(abs(right[-1] - information[-1] @ change) / np.sqrt(remaining))
 
 
 def _combine_parameters(
@@ -230,10 +230,10 @@ def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> 
     """Compute z of a fault beside the term that the model lacks most, which may look like it."""
     n, more = len(fit.support), fit.support.copy()
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], fit.free)
-    here = make_tableau(whitened, fit.support & whitened.is_usable)
-    if len(here.out):
-        (rises,), *_ = here.rises(0, 1)
-        more[here.out[np.argmin(rises)]] = True
+    tableau = make_tableau(whitened, fit.support & whitened.is_usable)
+    if len(tableau.out):
+        (rises,), *_ = tableau.rises(0, 1)
+        more[tableau.out[np.argmin(rises)]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
     return score_test(
         quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture
@@ -245,7 +245,7 @@ def _score_instead_of_terms(
 ) -> float:
     """Compute z by which the data prefer a fault with newly selected terms to the present terms."""
     information, right = _combine_parameters(quadratic.information, quadratic.right, test.mixture)
-    problem, about = fit.record.problem, np.append(fit.free, 0.0)
+    problem, origin = fit.record.problem, np.append(fit.free, 0.0)
     prices = np.append(problem.least_prices(penalty), penalty)
     without = np.append(fit.support, False)
     apart = np.append(problem.selection_offset(fit.free), 0.0)
@@ -256,11 +256,11 @@ def _score_instead_of_terms(
         return 0.0
 
     def penalised_misfit(present: np.ndarray) -> float:
-        gone = np.where(present, 0.0, -about)
-        rest = right - information @ gone
-        change, _ = solve_support(information, rest, present)
-        moved = gone @ information @ gone - 2.0 * right @ gone
-        return float(moved - change @ rest) + prices[present].sum()
+        removal = np.where(present, 0.0, -origin)
+        residual_gradient = right - information @ removal
+        change, _ = solve_support(information, residual_gradient, present)
+        rise = removal @ information @ removal - 2.0 * right @ removal
+        return float(rise - change @ residual_gradient) + prices[present].sum()
 
     return float(np.sqrt(max(penalised_misfit(without) - penalised_misfit(chosen), 0.0)))
 
@@ -268,11 +268,11 @@ def _score_instead_of_terms(
 def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     """Test whether stretches are followed better than the whole recording by a fit's terms."""
     segments, starts = fit.record.segments, fit.starts
-    among = np.arange(linear.right.shape[1]) < fit.support.sum()
+    is_term = np.arange(linear.right.shape[1]) < fit.support.sum()
 
     def misfit_fall(joined: Segments) -> float:
         quadratic = eliminate_chains(linear, joined)
-        change, _ = solve_support(quadratic.information, quadratic.right, among)
+        change, _ = solve_support(quadratic.information, quadratic.right, is_term)
         return quadratic.fall + float(change @ quadratic.right)
 
     whole, bounds, tested = misfit_fall(segments), segments.bounds, []
@@ -293,15 +293,15 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
     """Test whether the residuals are larger where the signal is steep, or where it is large."""
     condensed, sigma = fit.record.condensed, fit.sigma
     owner = fit.record.window_recordings
-    there = condensed.is_present
+    is_present = condensed.is_present
     square = (residual / sigma[owner][:, :, None]) ** 2
-    weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
+    weight = np.where(is_present[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
     values = condensed.targets - residual
     for code, signals in ((Code.TIMES_JITTER, rates), (Code.NOISE_GROWS, values)):
         signal, scores, skews = signals[:, :, 0], [], []
         for r, o in np.ndindex(sigma.shape):
-            inside = there[:, o] & (owner == r)[:, None]
+            inside = is_present[:, o] & (owner == r)[:, None]
             squares = square[:, o][inside]
             # residuals are so far below sigma only if sigma is at its floor: they are rounding
             if len(squares) < 2 or squares.mean() < 0.25:

@@ -47,11 +47,11 @@ from galloping.identification.likelihood.model_error import fit_approximation
 from galloping.identification.likelihood.starts import (
     TIME_SCALES,
     has_free_equilibrium,
-    positions_of_rest,
     rescale_start,
+    starts_at_equilibria,
 )
 from galloping.identification.likelihood.trajectory_fit import follows_in_segments, prepare_fit
-from galloping.identification.likelihood.verdict import best_of, have_same_terms
+from galloping.identification.likelihood.verdict import choose_best, have_same_terms
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
@@ -62,7 +62,7 @@ from galloping.identification.problem import Problem
 from galloping.identification.random_forces.decision import fit_random_forces, try_random_forces
 from galloping.identification.random_forces.start import is_ambient_candidate
 from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
-from galloping.identification.work import MOST, is_exhausted, limit_work, sub_budget
+from galloping.identification.work import MOST_WORK, is_exhausted, limit_work, sub_budget
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
@@ -160,7 +160,7 @@ def _search_model(
     """
     recordings = moving.recordings
     if (motion := find_free_motion(moving.until_rest)) is not None:
-        with limit_work(recordings, 0.2 * MOST):
+        with limit_work(recordings, 0.2 * MOST_WORK):
             search = partial(_fit_free_motion, problem)
             outcome = identify_free_motion(problem, motion, recordings, search)
         if isinstance(outcome, IdentifiedModel):
@@ -171,7 +171,7 @@ def _search_model(
 def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
     """Fit the model that follows free motion to the noise."""
     start = attempt(make_start, problem, recordings)
-    return start if isinstance(start, NoModel) else _search_rest_positions(start, fit_exact)
+    return start if isinstance(start, NoModel) else _search_equilibria(start, fit_exact)
 
 
 def _search_time_scales(
@@ -234,17 +234,17 @@ def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Ou
                 break
             else:
                 unsure = outcome
-                limits.enter_context(limit_work(recordings, 0.25 * MOST))
+                limits.enter_context(limit_work(recordings, 0.25 * MOST_WORK))
     return unsure if unsure and outcome.tells_little else outcome
 
 
 def _search_exact(start: Start, _: Findings) -> tuple[Outcome, bool]:
     """Search for the model that follows the data to the noise."""
     with sub_budget(0.6):  # the rest of the work is for an approximate model
-        return _search_rest_positions(start, fit_exact), True
+        return _search_equilibria(start, fit_exact), True
 
 
-def _search_rest_positions(start: Start, search: Callable[[Start], Outcome]) -> Outcome:
+def _search_equilibria(start: Start, search: Callable[[Start], Outcome]) -> Outcome:
     """Run a search, from several equilibria if displacements are not measured.
 
     Equilibria are tried until two models have the same terms. The outcome is the best.
@@ -252,7 +252,7 @@ def _search_rest_positions(start: Start, search: Callable[[Start], Outcome]) -> 
     if not has_free_equilibrium(start):
         return attempt(search, start)
     models, failures = [], []
-    for name, position in positions_of_rest(start):
+    for name, position in starts_at_equilibria(start):
         outcome = attempt(search, position)
         if isinstance(outcome, NoModel):
             failures.append(outcome)
@@ -260,7 +260,7 @@ def _search_rest_positions(start: Start, search: Callable[[Start], Outcome]) -> 
             models.append(prepend_path([name], outcome))
         if have_same_terms(models) or is_exhausted():
             break
-    return expand_terms(start.problem, best_of(models)) if models else failures[0]
+    return expand_terms(start.problem, choose_best(models)) if models else failures[0]
 
 
 def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bool]:
@@ -308,7 +308,7 @@ def _search_approximate(start: Start, objections: Findings) -> tuple[Outcome, bo
         if not (each.code == Code.INPUT_DELAYED and each.subject in named)
     )
     search = partial(_fit_approximate, objections=(*late, *other))
-    return _search_rest_positions(start, search), True
+    return _search_equilibria(start, search), True
 
 
 def _fit_approximate(start: Start, objections: Findings) -> Outcome:

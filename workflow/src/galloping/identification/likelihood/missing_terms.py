@@ -59,13 +59,13 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
     linear = wider.linearise(np.vstack([problem.candidates, entries]))
     quadratic = eliminate_chains(linear, record.segments)
     information, right = quadratic.information, quadratic.right
-    among = np.arange(n + extra) < n
-    change, _ = solve_support(information, right, among)
+    is_term = np.arange(n + extra) < n
+    change, _ = solve_support(information, right, is_term)
     squares = record.condensed.sum_squares(linear.residual) / fit.reference**2
     chi2 = float(squares.sum()) - quadratic.fall - float(change @ right)
     falls = []
     for k in range(extra):
-        kept = np.append(among[:n], np.arange(extra) == k)
+        kept = np.append(is_term[:n], np.arange(extra) == k)
         falls.append(score_test(information[np.ix_(kept, kept)], right[kept], np.ones(1)) ** 2)
     best = int(np.argmax(falls))
     excess = chi2 - float(np.sum(record.condensed.rows))

@@ -81,8 +81,8 @@ class Approximation:
     @property
     def forecast_r2(self) -> float:
         """R2 of the forecasts, averaged over channels; minus infinity if a forecast diverges."""
-        data, left = self.forecast_squares.sum(axis=1)
-        return float(np.mean(1.0 - left / data)) if np.all(np.isfinite(left)) else -np.inf
+        motion, errors = self.forecast_squares.sum(axis=1)
+        return float(np.mean(1.0 - errors / motion)) if np.all(np.isfinite(errors)) else -np.inf
 
     @property
     def error_shares(self) -> np.ndarray:
@@ -111,24 +111,26 @@ def fit_approximation(
     right. The model is refused if its forecasts are no better than the mean of the data; `NoModel`
     if no model can be integrated over a stretch.
     """
-    made = _search_approximation(start, penalty)
-    if isinstance(made, NoModel):
-        return NoModel((*objections, *made.findings))
-    record, condensed = made.fit.record, made.fit.record.condensed
-    if not made.forecast_r2 > 0.0:
+    approximation = _search_approximation(start, penalty)
+    if isinstance(approximation, NoModel):
+        return NoModel((*objections, *approximation.findings))
+    fit, record = approximation.fit, approximation.fit.record
+    condensed = record.condensed
+    if not approximation.forecast_r2 > 0.0:
         nothing = Finding.of(Code.PREDICTS_NOTHING)
-        return prepend_path(made.path, refused_model(record.problem, (*objections, nothing)))
-    if made.fluctuates:
+        refused = refused_model(record.problem, (*objections, nothing))
+        return prepend_path(approximation.path, refused)
+    if approximation.fluctuates:
         objections = (*objections, Finding.of(Code.COEFFICIENTS_FLUCTUATE))
-    residual = condensed.targets - record.predict_projections(made.fit.free, made.fit.starts)
+    residual = condensed.targets - record.predict_projections(fit.free, fit.starts)
     spare = condensed.is_known | (condensed.counts > condensed.rows)  # else noise is not estimated
     noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
     missed = Finding.of(Code.FORECASTS_MISS, span_s=record.stretch, share=0.0)
-    return as_identified(made, residual, noise, objections, missed)
+    return as_identified(approximation, residual, noise, objections, missed)
 
 
 def as_identified(
-    made: Approximation,
+    approximation: Approximation,
     residual: np.ndarray,
     noise: np.ndarray,
     objections: Sequence[Finding],
@@ -141,9 +143,9 @@ def as_identified(
     library is right. missed: a finding made for each channel, with the share of its motion that the
     model misses. The diagnostics are the R2 of the forecasts and these shares.
     """
-    fit, record, condensed = made.fit, made.fit.record, made.fit.record.condensed
-    problem = record.problem
-    shares = dict(zip(record.channel_names, made.error_shares, strict=True))
+    fit, record = approximation.fit, approximation.fit.record
+    condensed, problem = record.condensed, record.problem
+    shares = dict(zip(record.channel_names, approximation.error_shares, strict=True))
     misses = [
         replace(missed, subject=name, data={**missed.data, "share": share})
         for name, share in shares.items()
@@ -158,21 +160,22 @@ def as_identified(
     power = (
         np.where(known > 0.0, known, noise**2) * condensed.rows / np.diff(condensed.first)[:, None]
     )
-    noise_power = np.sum(power[record.segments.recording])
-    found = assess_approximation(
-        problem, fit.free, fit.support, made.information, made.covariance, made.price,
-        (*objections, *misses, *lacking),
+    noise_power = float(np.sum(power[record.segments.recording]))
+    squares = float(np.sum(approximation.forecast_squares[1]))
+    identified = assess_approximation(
+        problem, fit.free, fit.support, approximation.information, approximation.covariance,
+        approximation.price, (*objections, *misses, *lacking),
         initial_states=fit.starts[record.first_segments],
         sigma=sigma,
-        chi2=float(np.sum(made.forecast_squares[1]) / noise_power) if noise_power else np.inf,
+        chi2=squares / noise_power if noise_power else np.inf,
         further_modes=besides,
         diagnostics={
-            "forecast_r2": made.forecast_r2,
+            "forecast_r2": approximation.forecast_r2,
             **of_rates,
             **{f"error_share_all_{name}": float(share) for name, share in shares.items()},
         },
     )  # fmt: skip
-    return prepend_path(made.path, found)
+    return prepend_path(approximation.path, identified)
 
 
 def _search_approximation(start: ShootingFit, penalty: float) -> Approximation | NoModel:
@@ -198,8 +201,8 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
             fitted = tried
     if isinstance(fitted, NoModel):
         return fitted
-    whole, made = fitted
-    best = _fit_fluctuating(whole, penalty) or _choose_smallest(made)
+    whole, approximations = fitted
+    best = _fit_fluctuating(whole, penalty) or _choose_smallest(approximations)
     return replace(best, path=(f"{colour} misfit", *best.path))
 
 
@@ -214,24 +217,24 @@ def _fit_with_misfit(
     NO_MODEL if the first penalty leads to no model; the second may be absent.
     """
     fit = whole = _iterate_fit(first, misfit_of)
-    made: list[Approximation] = []
-    for times in (7.0, 25.0):
-        if made and is_exhausted():
+    approximations: list[Approximation] = []
+    for factor in (7.0, 25.0):
+        if approximations and is_exhausted():
             break
         try:
-            fit = _iterate_fit(fit, misfit_of, times * penalty, whole.jump)
+            fit = _iterate_fit(fit, misfit_of, factor * penalty, whole.jump)
             if not fit.support.any():
                 raise NotConvergedError(Code.NO_TERM)
-            validated = _cross_validate(fit, times * penalty)
+            validated = _cross_validate(fit, factor * penalty)
         except NO_MODEL:
-            if not made:
+            if not approximations:
                 raise
             break
-        made.append(replace(validated, path=(f"penalty {times:g}",)))
-    return whole, made
+        approximations.append(replace(validated, path=(f"penalty {factor:g}",)))
+    return whole, approximations
 
 
-def _choose_smallest(made: list[Approximation]) -> Approximation:
+def _choose_smallest(approximations: list[Approximation]) -> Approximation:
     """Choose the model of fewest terms that forecasts as well as the best.
 
     Its squared forecast error exceeds the least by no more than a quarter of the standard error of
@@ -239,17 +242,17 @@ def _choose_smallest(made: list[Approximation]) -> Approximation:
     """
     errors = [
         np.mean(each.forecast_squares[1] / each.forecast_squares[0].mean(axis=0), axis=1)
-        for each in made
+        for each in approximations
     ]
     best = smallest = int(np.argmin([np.mean(error) for error in errors]))
     for k, error in enumerate(errors):
         with np.errstate(invalid="ignore"):  # infinite where forecasts diverge
             worse = error - errors[best]
             doubt = np.std(worse) / np.sqrt(len(worse))
-        saved = max(made[best].fit.support.sum() - made[k].fit.support.sum(), 0)
+        saved = max(approximations[best].fit.support.sum() - approximations[k].fit.support.sum(), 0)
         if np.mean(worse) <= min(0.25 * saved, 1.0) * doubt:
             smallest = k
-    return made[smallest]
+    return approximations[smallest]
 
 
 def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation | None:
@@ -258,10 +261,10 @@ def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation | None:
     if fitted is None or isinstance(fitted, NoModel):
         return None
     means, covariance = fitted
-    made = attempt(_cross_validate, means, penalty)
-    if isinstance(made, NoModel) or not made.forecast_r2 > 0.0:
+    approximation = attempt(_cross_validate, means, penalty)
+    if isinstance(approximation, NoModel) or not approximation.forecast_r2 > 0.0:
         return None
-    return replace(made, covariance=covariance, path=("fluctuating",), fluctuates=True)
+    return replace(approximation, covariance=covariance, path=("fluctuating",), fluctuates=True)
 
 
 def _iterate_fit(
@@ -279,13 +282,13 @@ def _iterate_fit(
     # 3 of 22 approximate models of `make exam` have other terms; the coefficients of the others
     # change by less than 0.6 standard errors.
     record, passes, choosing = fit.record, 5 if price is None else 20, 6
-    for passed in range(passes):
-        if passed and is_exhausted():
+    for iteration in range(passes):
+        if iteration and is_exhausted():
             break
         passing("approximate in stretches")
         linear, support = fit.linearised, fit.support
         solved = eliminate_with_jumps(linear, record.segments, record.jump_roots(fit.jump))
-        if price is not None and passed < choosing:
+        if price is not None and iteration < choosing:
             support = solved.choose_terms(fit, price)
             support = record.problem.same_state_monomial(support)
         free, _ = solved.best_coefficients(fit, support)
@@ -299,10 +302,10 @@ def _iterate_fit(
         if price is not None:
             # averaged: otherwise the fit and the covariance of its residuals may alternate
             misfit = (misfit + fit.misfit) / 2.0
-        moved = replace(fit, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
-        fit = shorten_until_integrable(fit, moved)
+        next_fit = replace(fit, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
+        fit = shorten_until_integrable(fit, next_fit)
         length = change @ solved.information @ change  # squared, in standard deviations
-        if unchanged and passed and length < 0.05:  # such a step increases errors by 2.5 %
+        if unchanged and iteration and length < 0.05:  # such a step increases errors by 2.5 %
             break
     return fit
 

@@ -70,10 +70,11 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
         kept = time[time <= last - delay]
         return float(np.sqrt(np.mean((curve(kept + delay) - states[: len(kept)]) ** 2)))
 
-    for times in (1, int(last * 2 / 3 // best)):
-        width = times * step
+    for multiple in (1, int(last * 2 / 3 // best)):
+        width = multiple * step
         best = minimize_scalar(
-            lag_distance, bounds=(times * best - width, times * best + width), method="bounded",
+            lag_distance, method="bounded",
+            bounds=(multiple * best - width, multiple * best + width),
             options={"xatol": FINE * step},
         ).x  # fmt: skip
     return lag_distance(best) < 0.01

@@ -30,7 +30,7 @@ from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal
 
-DRAWS = 40  # number of drawn models from which other minima are sought
+DRAWN_FITS = 40  # number of drawn models from which other minima are sought
 STILL = 1e-9  # a motion sticks while a kink's argument is below this share of its largest
 TURNS = 2  # turns of the motion in the last swing before it sticks
 
@@ -41,11 +41,11 @@ def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
     The search is from the joined segments and, if that leads to no fit that follows the data, from
     the free segments. joined: returned unchanged if neither does.
     """
-    for step in (joined.step, joined.free):
+    for step in (joined.step, joined.free_step):
         least = attempt(_settle_terms, step, price)
         if not isinstance(least, NoModel) and least.fit.misfit < CLOSE_MISFIT:
             path = (*joined.path, "least of several minima")
-            return JoinedFit(joined.free, least, path, True, None)
+            return JoinedFit(joined.free_step, least, path, True, None)
     return joined
 
 
@@ -92,8 +92,10 @@ def _descend_chi2(fit: ShootingFit) -> Step:
         quadratic, change = _quadratic_model(fit)
         starts, share, better = quadratic.move_states(change), 1.0, None
         for _ in range(7):  # halvings of the step
-            moved = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
-            tried = attempt(_match_segments, moved)
+            candidate = replace(
+                fit, free=fit.free + share * change, starts=fit.starts + share * starts
+            )
+            tried = attempt(_match_segments, candidate)
             if not isinstance(tried, NoModel) and tried.chi2 < fit.chi2:
                 better = tried
                 break
@@ -120,9 +122,9 @@ def _quadratic_model(fit: ShootingFit) -> tuple[Eliminated, np.ndarray]:
 def _match_segments(fit: ShootingFit) -> ShootingFit:
     """Move all segments of a chain to the motion from its first state, and update the noise."""
     whole = fit.whole_chains
-    left, _ = segment_residuals(whole.record, fit.free, whole.starts)
+    residual, _ = segment_residuals(whole.record, fit.free, whole.starts)
     starts = whole.states_at(np.zeros(1))[fit.record.segments.first[:-1], 0]
-    return update_noise(replace(fit, starts=starts), fit.record.condensed.sum_squares(left))
+    return update_noise(replace(fit, starts=starts), fit.record.condensed.sum_squares(residual))
 
 
 def _draw_fits(fit: ShootingFit) -> list[ShootingFit]:
@@ -137,9 +139,9 @@ def _draw_fits(fit: ShootingFit) -> list[ShootingFit]:
     step = _descend_chi2(moving)
     (quadratic, _), free = _quadratic_model(step.fit), step.fit.free
     _, covariance = solve_support(step.information, np.zeros(len(free)), fit.support)
-    changes = np.zeros((1 + DRAWS, len(free)))
+    changes = np.zeros((1 + DRAWN_FITS, len(free)))
     changes[1:, fit.support] = draw_normal(
-        np.zeros(len(covariance)), covariance, DRAWS, np.random.default_rng(0)
+        np.zeros(len(covariance)), covariance, DRAWN_FITS, np.random.default_rng(0)
     )
     fits = []
     for change in changes:

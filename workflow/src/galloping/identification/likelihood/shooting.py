@@ -140,8 +140,8 @@ class ShootingData:
         table, inputs = self.problem.tables, np.abs(self.condensed.inputs[:, 0])
         signals = np.append(self.extent, inputs.max(axis=0) + np.finfo(float).tiny)
         terms = np.prod(signals ** table.exponents[table.position], axis=1)
-        moved = self.condensed.step * terms[pairs[:, 1]] / self.extent[pairs[:, 0]]
-        return self.extent[:, None] * np.append(moved, 1.0 / self.extent)
+        relative = self.condensed.step * terms[pairs[:, 1]] / self.extent[pairs[:, 0]]
+        return self.extent[:, None] * np.append(relative, 1.0 / self.extent)
 
     def jump_roots(self, jump: np.ndarray) -> np.ndarray:
         """Compute a root of the inverse covariance of the state's jump after each segment.
@@ -236,17 +236,17 @@ def linearise_segments(
     by_dynamics = np.r_[: len(pairs), n : n + n_states]
     # segments with some 500 windows in all, whose derivatives fit in the cache
     at_once = max(500 * count // len(targets), 1) if n_folds == 1 else 1
-    for group, windows, left, rows, *reached in record.iterate_linearised(
+    for group, windows, group_residual, rows, *reached in record.iterate_linearised(
         free, starts, pairs, at_once
     ):
-        residual[windows] = left
+        residual[windows] = group_residual
         ends[group], slopes[group][..., by_dynamics] = reached
         if columns is not None:
             rows = np.insert(rows, [len(pairs)] * direct, columns[windows], axis=3)
-        rows = np.concatenate([rows, rows[..., list(repeated)], left[..., None]], axis=3)
+        rows = np.concatenate([rows, rows[..., list(repeated)], group_residual[..., None]], axis=3)
         rows = np.ascontiguousarray(whiten(rows, windows)).reshape(-1, n + m + 1)
         first = record.segments.first[group.start : group.stop + 1] - windows.start
-        kept[group], others = separate_states(rows, first * left[0].size, n)
+        kept[group], others = separate_states(rows, first * group_residual[0].size, n)
         k = fold[group.start]
         information[k] += others[:, :n].T @ others[:, :n]
         right[k] += others[:, -1] @ others[:, :n]

@@ -1,7 +1,7 @@
 """Square-root information filter of segments in chains, compiled.
 
-Rows of least-squares problems are rotated, never multiplied with each other: what a segment tells
-of the coefficients is a small part of what it tells of its state, and rounding would hide it.
+Rows of least-squares problems are rotated, never multiplied with each other: the information of a
+segment on the coefficients is a small part of that on its state, and rounding would hide it.
 (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977.)
 
 Compiled functions that call each other are in one module, for a cached one notices edits of its own
@@ -30,9 +30,9 @@ def separate_states(rows: np.ndarray, first: np.ndarray, n: int) -> tuple[np.nda
         first = first + np.append(0, np.cumsum(lacking))
     _rotate_rows(rows, first, n, n_states)
     places = first[:-1, None] + np.arange(n_states)
-    own = rows[places]
+    first_rows = rows[places]
     rows[places] = 0.0
-    return own, rows
+    return first_rows, rows
 
 
 @njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
@@ -85,9 +85,9 @@ def link_segments(end_derivatives, begins_recording, errors, max_segments, max_g
 
     end_derivatives: (n_segments, n_states, n + n_states) of a segment's end by the coefficients and
     its first state. begins_recording: (n_segments,) boolean. errors: (n + n_states,) standard
-    errors of the coefficients and of a state, as one segment tells them, zero where it tells
-    nothing. max_segments: of a chain. max_growth: Frobenius norm of the derivatives of a chain's
-    end by the coefficients and its first state, in these units.
+    errors of the coefficients and of a state from one segment, zero where it has no information.
+    max_segments: of a chain. max_growth: Frobenius norm of the derivatives of a chain's end by the
+    coefficients and its first state, in these units.
     """
     count, n_states, width = end_derivatives.shape
     n = width - n_states
@@ -118,10 +118,10 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
     (n_segments, n_states, n_states); the product of one and the jump has unit covariance.
 
     Returns rows (n_segments, n_states, n + n_states + 1) of each segment's first state, which
-    contain all that it and later ones tell; the remaining equations (n_segments, m, n + 1) of the
-    coefficients; and how the first state of the next segment follows: `relations` (n_segments,
-    n_states, n + n_states + 1) to the coefficients, this segment's state and a constant, and
-    `spreads` (n_segments, n_states, n_states), a root of its covariance then.
+    contain the information of it and of later ones; the remaining equations (n_segments, m, n + 1)
+    of the coefficients; and how the first state of the next segment follows: `relations`
+    (n_segments, n_states, n + n_states + 1) to the coefficients, this segment's state and a
+    constant, and `spreads` (n_segments, n_states, n_states), a root of its covariance then.
     """
     count, m, width = rows.shape
     n_states = roots.shape[1]
@@ -135,7 +135,7 @@ def filter_back(rows, end_derivatives, mismatch, links, roots):
         _rotate_rows(later, later_bounds, n, n_states)
         kept[g] = later[:n_states]
         remaining[g, :, :n], remaining[g, :, n] = later[n_states:, :n], later[n_states:, last]
-        later[m:] = 0.0  # what this and later segments tell of the state of the one before
+        later[m:] = 0.0  # information from here on, on the state of the segment before
         if g == 0 or links[g - 1] == FREE:
             continue
         slopes, gap, relation = end_derivatives[g - 1], mismatch[g - 1], relations[g - 1]
@@ -201,11 +201,11 @@ def follow_states(relations, spreads, end_derivatives, begins_chain, first, firs
                 response[g, i, :n], response[g, i, n] = relation[i, :n], relation[i, width - 1]
                 jump[n_states:, i], state[n_states:, i] = spread[i], spread[i]
                 for k in range(n_states):
-                    moved = relation[i, n + k]
-                    response[g, i] += moved * response[g - 1, k]
+                    factor = relation[i, n + k]
+                    response[g, i] += factor * response[g - 1, k]
                     for r in range(n_states):
-                        state[r, i] += root[r, k] * moved
-                        jump[r, i] += root[r, k] * (moved - slopes[i, n + k])
+                        state[r, i] += root[r, k] * factor
+                        jump[r, i] += root[r, k] * (factor - slopes[i, n + k])
             _add_squares(jump, of_jump[g - 1])
             _rotate_rows(state, bounds, 0, n_states)
             root[:], state[:], jump[:] = state, 0.0, 0.0

@@ -58,7 +58,7 @@ def _unmeasured_displacements(start: Start) -> set[tuple[int, int]]:
     )
 
 
-def positions_of_rest(start: Start) -> Iterator[tuple[str, Start]]:
+def starts_at_equilibria(start: Start) -> Iterator[tuple[str, Start]]:
     """Yield named initial guesses for several positions of the equilibrium.
 
     They have no constant terms. The curves are used as they are, then shifted along each

@@ -71,12 +71,12 @@ class Step(NormalEquations):
 class JoinedFit:
     """Result of a multiple-shooting fit with joined segments.
 
-    free: the last step in free segments. step: the last step of all. path: the stages, in words.
-    settled: whether the iteration converged with the same terms. objection: why the fit does not
-    follow the data, None if it does.
+    free_step: the last step in free segments. step: the last step of all. path: the stages, in
+    words. settled: whether the iteration converged with the same terms. objection: why the fit does
+    not follow the data, None if it does.
     """
 
-    free: Step
+    free_step: Step
     step: Step
     path: tuple[str, ...]
     settled: bool
@@ -180,8 +180,10 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
-            left = problem.inputs_left_out(recordings, condensed.first, condensed.step, inputs)
-            error = _error_of_inputs(start, guess, left, observed, is_rate)
+            input_errors = problem.input_fit_errors(
+                recordings, condensed.first, condensed.step, inputs
+            )
+            error = _error_of_inputs(start, guess, input_errors, observed, is_rate)
             # the inputs' deviation from their polynomials moves the solution too far in a window
             if windows < 8 * WINDOWS_PER_PERIOD and np.any(error > 0.1 * noise):
                 windows, length = 2 * windows, 2 * length
@@ -203,30 +205,38 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
 
 
 def _error_of_inputs(
-    start: Start, guess: WeakFit, left: np.ndarray, observed: np.ndarray, is_rate: np.ndarray
+    start: Start,
+    guess: WeakFit,
+    input_errors: np.ndarray,
+    observed: np.ndarray,
+    is_rate: np.ndarray,
 ) -> np.ndarray:
     """Estimate the error of the solution from inputs that are no polynomials, (n_observed,).
 
     It is a root mean square within windows. The difference between inputs and polynomials, such as
     the steps of a held input, affects a rate, its integral the state, and its second integral the
-    state that has this state as rate. No term counts for more than its whole equation. left: as of
-    `Problem.inputs_left_out`.
+    state that has this state as rate. No term counts for more than its whole equation.
+    input_errors: of `Problem.input_fit_errors`.
     """
     problem, n = start.problem, len(start.problem.states)
     values = np.concatenate([one.states[one.valid] for one in start.smoothed])
     theta = design_matrix(values, tuple(map(tuple, problem.state_exponents)))
     sizes = np.sqrt(np.mean(theta**2, axis=0))
     coefficients = np.minimum(np.abs(guess.free), start.largest)
-    moved = np.zeros((3, n))
+    equation_errors = np.zeros((3, n))
     for (equation, term), coefficient in zip(problem.candidates, coefficients, strict=True):
         factor = problem.terms[term][n:]
         if any(factor):
             share = coefficient * sizes[term]
-            moved[:, equation] += share * left[:, problem.tables.factors.index(factor)]
-    error = np.where(is_rate, moved[0, observed], moved[1, observed])
+            equation_errors[:, equation] += (
+                share * input_errors[:, problem.tables.factors.index(factor)]
+            )
+    error = np.where(is_rate, equation_errors[0, observed], equation_errors[1, observed])
     for displacement, velocity in velocity_pairs(problem.states).items():
         channels = observed == displacement
-        error[channels] = np.where(is_rate[channels], moved[1, velocity], moved[2, velocity])
+        error[channels] = np.where(
+            is_rate[channels], equation_errors[1, velocity], equation_errors[2, velocity]
+        )
     return error
 
 
@@ -251,7 +261,9 @@ def _window_states(
     return np.concatenate(states), np.concatenate(near)
 
 
-def join_segments(free: Step, price: Price, price_factor: float, has_unseen: bool) -> JoinedFit:
+def join_segments(
+    free_step: Step, price: Price, price_factor: float, has_unseen: bool
+) -> JoinedFit:
     """Join fitted segments into continuous trajectories by Gauss-Newton, and select the terms.
 
     Terms are selected in all but the last passes. Chains grow fourfold until the terms are
@@ -259,22 +271,23 @@ def join_segments(free: Step, price: Price, price_factor: float, has_unseen: boo
     is far from linear in the coefficients, and the apparently best terms mislead. If those of the
     start are the best already, the chains are whole from the first.
 
-    free: the last step in free segments. price: of the terms. price_factor: on the prices in the
-    first two passes; half of it, but at least one, in the next two, and so on. has_unseen: whether
-    mixtures of terms are undetermined: then many models follow the data alike, an iteration that
-    does not converge while terms are chosen never will, and the last model represents the others.
+    free_step: the last step in free segments. price: of the terms. price_factor: on the prices in
+    the first two passes; half of it, but at least one, in the next two, and so on. has_unseen:
+    whether mixtures of terms are undetermined: then many models follow the data alike, an iteration
+    that does not converge while terms are chosen never will, and the last model represents the
+    others.
     """
-    step, count = free, len(free.fit.starts)
+    step, count = free_step, len(free_step.fit.starts)
     best = step.choose_terms(step.fit, price.scale_by(price_factor))
     # segments in the first chains: with two or eight, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes that choose terms; if all do, fewer settle (identification_parts.csv)
     whole, settled = False, False
     try:
-        for passed in range(choosing if has_unseen else MOST_PASSES):
-            factor = max(price_factor / 2 ** (passed // 2), 1.0)
+        for iteration in range(choosing if has_unseen else MOST_PASSES):
+            factor = max(price_factor / 2 ** (iteration // 2), 1.0)
             longest = None if whole else chain  # changing chains would never settle
-            of_pass = price.scale_by(factor) if passed < choosing else None
+            of_pass = price.scale_by(factor) if iteration < choosing else None
             step = take_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if factor == 1.0 and not step.fit.support.any():
@@ -289,14 +302,14 @@ def join_segments(free: Step, price: Price, price_factor: float, has_unseen: boo
             if not whole:
                 chain = count if unchanged else 4 * chain
     except FloatingPointError as error:
-        return JoinedFit(free, step, ("left",), False, as_finding(error))
+        return JoinedFit(free_step, step, ("left",), False, as_finding(error))
     misfit = step.fit.misfit
     follows = settled or (has_unseen and was_whole and misfit < CLOSE_MISFIT)
     code = Code.NOT_FOLLOWED if misfit > CLOSE_MISFIT else Code.NOT_PREFERRED
     objection = None if follows else Finding.of(code, chi2=misfit)
     if objection and is_exhausted():
         objection = Finding.of(Code.LIMIT_OF_WORK)
-    return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
+    return JoinedFit(free_step, step, ("settled" if settled else "unsettled",), settled, objection)
 
 
 def take_step(
@@ -336,14 +349,14 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     free, _ = quadratic.best_coefficients(fit, support)
     change = free - fit.free
     starts = quadratic.move_states(change, fit.starts)
-    moved = replace(fit, record=record, free=free, support=support, starts=starts)
-    moved = update_noise(moved, record.condensed.sum_squares(linear.residual))
+    next_fit = replace(fit, record=record, free=free, support=support, starts=starts)
+    next_fit = update_noise(next_fit, record.condensed.sum_squares(linear.residual))
     information, right = quadratic.information, quadratic.right
     decrement = float(change @ information @ change)
     # a state may be zero, except for rounding, wherever segments end
     size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
     gap = float(np.max(quadratic.gap / (size + np.finfo(float).tiny)))
-    return Step(information, right - information @ change, fit, moved, decrement, gap)
+    return Step(information, right - information @ change, fit, next_fit, decrement, gap)
 
 
 def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:

@@ -44,7 +44,7 @@ MOST_HIDDEN, MOST_BALANCED = 0.25, 2.0
 # and more than ten times in one of 179 right models (docs/identification_parts.csv).
 MOST_MIXED = 12.0
 RIVALS = 40  # number of rivals that are drawn and stored with a model
-FOLLOW = ("ok", "not identifiable")  # statuses of models that follow the data to the noise
+FOLLOWING_STATUSES = ("ok", "not identifiable")  # of models that follow the data to the noise
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Regression:
 
     The model is about a fit. information, right: as in `selection.solve_support`. support: (n,)
     boolean. penalty: 2 ln N of N samples. largest: (n,) coefficients as in
-    `problem.largest_coefficients`. about: (n,) coefficients of the fit, zero outside the support,
+    `problem.largest_coefficients`. origin: (n,) coefficients of the fit, zero outside the support,
     from which `right` is measured.
     """
 
@@ -62,10 +62,10 @@ class Regression:
     support: np.ndarray
     penalty: float
     largest: np.ndarray
-    about: np.ndarray | float = 0.0
+    origin: np.ndarray | float = 0.0
 
 
-class Fitted(TypedDict, total=False):
+class FitFields(TypedDict, total=False):
     """Fields of an `IdentifiedModel` that a fit provides: initial states, noise, chi^2."""
 
     initial_states: np.ndarray
@@ -81,7 +81,7 @@ def assess_fit(
     doubts: Sequence[Finding] = (),
     followed: Sequence[FollowedRecording] = (),
     period: float = np.inf,
-    **fitted: Unpack[Fitted],
+    **fitted: Unpack[FitFields],
 ) -> IdentifiedModel:
     """Turn a reliable fit into an `IdentifiedModel` with the status `ok` or `not identifiable`.
 
@@ -95,34 +95,36 @@ def assess_fit(
     the motion. fitted: initial_states, sigma, chi2 and diagnostics, as in `IdentifiedModel`.
     """
     support, penalty = regression.support, regression.penalty
-    information, right, about = regression.information, regression.right, regression.about
-    free, covariance = problem.solve_within_bounds(information, right, support, about)
-    free = free + about
+    information, right, origin = regression.information, regression.right, regression.origin
+    free, covariance = problem.solve_within_bounds(information, right, support, origin)
+    free = free + origin
     findings, notes = [Finding.of(Code.NO_TERM)], []
     errors = added_deviation(information, support)
     others: dict[str, Any] = {}
     if support.any():
         ruled_out, contradicted = find_beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
-        whitened = whiten(allowed, np.where(ruled_out, 0.0, right), problem.selection_offset(about))
+        whitened = whiten(
+            allowed, np.where(ruled_out, 0.0, right), problem.selection_offset(origin)
+        )
         plausible = plausible_supports(whitened, support)
-        believed = weigh_by_prior(problem, plausible)
-        limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
+        posterior = weigh_by_prior(problem, plausible)
+        limits = detection_limits(unconditional_errors(posterior, errors), support, penalty)
         simple = mark_simple_terms(problem, support)
-        hidden = partial(find_hidden_term, problem, support, regression.largest)
+        find_hidden = partial(find_hidden_term, problem, support, regression.largest)
         # `find_unseen_mixture` treats terms that are not simple and that others imitate exactly
-        asked = np.where(simple | np.isfinite(limits), limits, 0.0)
+        stated_limits = np.where(simple | np.isfinite(limits), limits, 0.0)
         most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
-        missing = hidden(asked, most, Code.TERM_MAY_BE_MISSING)
-        questions = find_open_questions(problem, whitened, believed)
+        missing = find_hidden(stated_limits, most, Code.TERM_MAY_BE_MISSING)
+        questions = find_open_questions(problem, whitened, posterior)
         mixed = find_unseen_mixture(information, regression.largest)
         findings = [*contradicted, *doubts, *questions, *missing, *mixed]
-        notes = hidden(limits, MOST_HIDDEN, Code.TERM_MAY_HIDE)
+        notes = find_hidden(limits, MOST_HIDDEN, Code.TERM_MAY_HIDE)
         share, rival = _heaviest_rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
         errors = unconditional_errors(plausible, errors)
-        others = _draw_rivals(problem, regression, believed)
+        others = _draw_rivals(problem, regression, posterior)
     model = problem.model(free)
     if followed and is_periodic(model, followed, period):
         findings = [Finding.of(Code.MOTION_REPEATS), *findings]
@@ -150,7 +152,7 @@ def assess_approximation(
     covariance: np.ndarray,
     price: float,
     findings: Iterable[Finding],
-    **fitted: Unpack[Fitted],
+    **fitted: Unpack[FitFields],
 ) -> IdentifiedModel:
     """Turn an approximate fit into an `IdentifiedModel` with the status `approximate`.
 
@@ -177,16 +179,16 @@ def assess_approximation(
     )
 
 
-def _draw_rivals(problem: Problem, regression: Regression, believed: Plausible) -> dict[str, Any]:
+def _draw_rivals(problem: Problem, regression: Regression, posterior: Plausible) -> dict[str, Any]:
     """Draw models of rival supports, as fields of a result; none if less likely than MISS_RATE."""
-    rng, others, drawn = np.random.default_rng(0), believed.weight[1:], []
+    rng, others, drawn = np.random.default_rng(0), posterior.weight[1:], []
     share = float(others.sum())
     if share < MISS_RATE:
         return {}
     for k in rng.choice(len(others), RIVALS, p=others / share):
-        support = believed.supports[1 + k]
-        free = np.where(support, regression.about, 0.0)
-        right = regression.right + regression.information @ (regression.about - free)
+        support = posterior.supports[1 + k]
+        free = np.where(support, regression.origin, 0.0)
+        right = regression.right + regression.information @ (regression.origin - free)
         change, covariance = solve_support(regression.information, right, support)
         free[support] += draw_normal(change[support], covariance, 1, rng)[0]
         drawn.append(problem.coefficients(free))
@@ -204,13 +206,13 @@ def find_beyond_bounds(
     ruled_out, contradicted = np.zeros(len(regression.support), bool), []
     lower, upper = problem.coefficient_bounds
     for k in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist():
-        among = regression.support.copy()
-        among[k] = True
-        change, covariance = solve_support(regression.information, regression.right, among)
-        value = (change + regression.about)[k]
+        with_term = regression.support.copy()
+        with_term[k] = True
+        change, covariance = solve_support(regression.information, regression.right, with_term)
+        value = (change + regression.origin)[k]
         off = abs(value - np.clip(value, lower[k], upper[k]))
         ruled_out[k] = off > 0.0 and not regression.support[k]
-        error = np.sqrt(covariance[among[:k].sum(), among[:k].sum()])
+        error = np.sqrt(covariance[with_term[:k].sum(), with_term[:k].sum()])
         if off > MOST_SURPRISE * error > 0.0:
             contradicted.append(
                 Finding.of(
@@ -223,11 +225,13 @@ def find_beyond_bounds(
 
 def have_same_terms(models: list[IdentifiedModel]) -> bool:
     """Decide whether the last model, and an earlier one with the same terms, follow the data."""
-    before = [one for one in models[:-1] if one.status in FOLLOW and models[-1].status in FOLLOW]
-    return any(np.array_equal(one.support, models[-1].support) for one in before)
+    following = [one for one in models if one.status in FOLLOWING_STATUSES]
+    if not following or following[-1] is not models[-1]:
+        return False
+    return any(np.array_equal(one.support, models[-1].support) for one in following[:-1])
 
 
-def best_of(models: list[IdentifiedModel]) -> IdentifiedModel:
+def choose_best(models: list[IdentifiedModel]) -> IdentifiedModel:
     """Choose the best of several models from different initial guesses.
 
     The best is that of the fewest terms that follow the data, or else of the best forecasts; not
@@ -235,14 +239,14 @@ def best_of(models: list[IdentifiedModel]) -> IdentifiedModel:
     """
 
     def preference_key(identified: IdentifiedModel) -> tuple[int, float]:
-        if identified.status in FOLLOW:
+        if identified.status in FOLLOWING_STATUSES:
             return 0, float(identified.support.sum())
         if identified.status == "approximate":
             return 1, -float(identified.diagnostics["forecast_r2"])
         return 2, 0.0
 
     best = min(models, key=preference_key)
-    if best.status == "ok" and sum(one.status in FOLLOW for one in models) < 2:
+    if best.status == "ok" and sum(one.status in FOLLOWING_STATUSES for one in models) < 2:
         return best.with_findings(Finding.of(Code.SINGLE_START))
     return best
 
@@ -260,9 +264,9 @@ def find_open_questions(
     questions = []
     if share > MOST_RIVAL_WEIGHT:
         questions.append(Finding.of(Code.RIVAL_TERMS, share=share, **rival))
-    here = make_tableau(whitened, plausible.supports[0])
+    tableau = make_tableau(whitened, plausible.supports[0])
     for count in (1, 2):
-        (rises,), _, added = here.rises(0, count)
+        (rises,), _, added = tableau.rises(0, count)
         # By noise alone a doubt arises once in a thousand for all terms that could be added, and as
         # often for all pairs. With 0.005, 55 of 1,000 models were doubted only for this, 5 of them
         # wrong.

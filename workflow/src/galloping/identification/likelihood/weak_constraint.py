@@ -103,13 +103,13 @@ class StretchFit:
         lags = np.arange(self.misfit.shape[1])
         covariance = np.moveaxis(self.misfit, 1, -1)[..., np.abs(np.subtract.outer(lags, lags))]
         factors = np.linalg.cholesky(covariance)
-        there = self.record.condensed.is_present
+        is_present = self.record.condensed.is_present
 
         def whiten_rows(rows: np.ndarray, windows: slice) -> np.ndarray:
             whitened, n, recording = np.zeros(rows.shape), len(rows), owner[windows.start]
             count_work(1.5e-10 * len(lags) * rows.size)
             for o, k in np.ndindex(rows.shape[1:3]):
-                at = np.flatnonzero(there[windows, o, k])
+                at = np.flatnonzero(is_present[windows, o, k])
                 if not len(at):  # without rows LAPACK would print a message
                     continue
                 factor = factors[recording, o, k, :n, :n]
@@ -122,11 +122,11 @@ class StretchFit:
         return whiten_rows
 
 
-def shorten_until_integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
+def shorten_until_integrable(fit: StretchFit, next_fit: StretchFit) -> StretchFit:
     """Shorten the step between fits until the model can be integrated over each segment."""
 
     def integrable(tried: StretchFit) -> StretchFit:
         tried.linearised  # noqa: B018 - cached for the next step
         return tried
 
-    return shorten_step(integrable, fit, following)
+    return shorten_step(integrable, fit, next_fit)

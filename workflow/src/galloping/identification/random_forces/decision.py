@@ -36,13 +36,13 @@ from galloping.identification.random_forces.several_modes import (
     splits_mode,
 )
 from galloping.identification.random_forces.start import amplitude_fluctuates
-from galloping.identification.work import MOST, limit_work
+from galloping.identification.work import MOST_WORK, limit_work
 from galloping.model.polynomial import has_functions, velocity_pairs
 from galloping.recording.samples import Recording
 
 # Most work, s, of a trial of random forces: with inputs TRIAL_BESIDE_INPUTS, without inputs TRIAL.
 # Recordings that took more mostly had a motion of another kind.
-TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST, 0.4 * MOST
+TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST_WORK, 0.4 * MOST_WORK
 
 Outcome = IdentifiedModel | NoModel
 Fit = Callable[[ModeSelection], Outcome]
@@ -234,7 +234,7 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
             if unmeasured and not fit.setup.state_space_model(fit.model).is_linear:
                 # with nonlinear terms, forces imitate displacements that no channel measures
                 return [Finding.of(Code.FORCES_UNDETERMINED)]
-            if work.ended:
+            if work.is_cut_short:
                 return [Finding.of(Code.LIMIT_OF_WORK)]
             # with inputs, other models may be as near
             is_near = whiteness.is_nearly_white and not (problem.inputs and whiteness.is_relevant)
