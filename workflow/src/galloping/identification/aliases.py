@@ -8,7 +8,6 @@ At other values the terms differ, which the rivals of the model show.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from galloping.recording.samples import Recording, inputs_at_times
 # the root of their number plus one. For factors of unit length, smaller coefficients are rounding.
 EXACT = 1e-9
 MOST_VALUES = 4096  # most combinations of recorded input values at which terms are compared
-SHOWN = 4  # most exchanges of terms that a finding names
+MOST_SHOWN = 4  # most exchanges of terms that a finding names
 
 
 @dataclass(frozen=True)
@@ -102,19 +101,13 @@ def _find_combinations(
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             column = np.prod(values**powers, axis=1)
         size = float(np.linalg.norm(column))
-        if not isfinite(size) or size == 0.0:
+        if not np.isfinite(size) or size == 0.0:
             continue
         column = column / size
         combination = np.linalg.lstsq(columns, column, rcond=None)[0] if kept else np.empty(0)
         if np.linalg.norm(column - columns @ combination) < EXACT * np.sqrt(1 + len(kept)):
-            yield (
-                place,
-                {
-                    k: float(c * size / scale)
-                    for (k, scale), c in zip(kept, combination, strict=True)
-                    if abs(c) > EXACT
-                },
-            )
+            parts = zip(kept, combination, strict=True)
+            yield place, {k: float(c * size / unit) for (k, unit), c in parts if abs(c) > EXACT}
         else:
             kept.append((place, size))
             columns = np.column_stack([columns, column])
@@ -159,7 +152,7 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
         f"d({problem.states[alias.equation]})/dt"
         for alias, term in exchanges
     )
-    terms = ", ".join(list(parts)[:SHOWN])
+    terms = ", ".join(list(parts)[:MOST_SHOWN])
     finding = Finding.of(Code.ALIASED_TERMS, ", ".join(problem.inputs), terms=terms)
     with_rivals = replace(identified, rivals=np.array(rivals), rival_share=share)
     return with_rivals.with_findings(finding)

@@ -39,9 +39,8 @@ def identify(
                     settings["seed"], "identification", *name, method, replicate
                 )
             try:
-                model = resolve_name(settings["function"])(
-                    evidence(settings["evidence"]), **options
-                )
+                method_function = resolve_name(settings["function"])
+                model = method_function(evidence(settings["evidence"]), **options)
             except NO_MODEL as error:
                 states, inputs = recordings[0].states, tuple(recordings[0].inputs)
                 inputs = inputs[: n_exponents(terms[0]) - len(states)]

@@ -373,7 +373,7 @@ class IdentifiedModel(Immutable):
             "coefficient": model.coefficients, "standard_error": self.standard_errors,
             "unconditional_error": self.unconditional_errors, "low": low, "high": high,
         }  # fmt: skip
-        return pd.DataFrame({name: of[shown] for name, of in columns.items()}, index)
+        return pd.DataFrame({name: values[shown] for name, values in columns.items()}, index)
 
     def to_plain(self) -> dict[str, object]:
         """Convert the model to plain values for JSON; NaN and infinite numbers become text."""

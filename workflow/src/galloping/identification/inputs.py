@@ -16,7 +16,7 @@ from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
 MOST_CANDIDATES = 600  # most terms of all equations: exchanges of three then fit in memory
-FEWEST = 100  # least number of samples: in fewer, oscillations cannot be told from noise
+FEWEST = 100  # least number of samples: with fewer, noise may look like an oscillation
 
 
 def checked_recordings(recordings: object) -> list[Recording]:
@@ -106,7 +106,7 @@ def validated_problem(
     if (count := len(problem.candidates)) > MOST_CANDIDATES:
         raise ValueError(
             f"library: {len(terms)} terms in {len(problem.unknown)} equations are {count} "
-            f"candidates; at most {MOST_CANDIDATES} can be told apart"
+            f"candidates; at most {MOST_CANDIDATES} can be compared"
         )
     return remove_aliases(problem, recordings)
 

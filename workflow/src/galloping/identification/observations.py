@@ -20,7 +20,7 @@ from galloping.arrays import Immutable
 class Severity(StrEnum):
     """Severity of a finding: what it means for the model, from a note to a fault."""
 
-    NOTE = "note"  # the model holds
+    NOTE = "note"  # the model is valid
     WARNING = "warning"  # other models may be right as well
     INEXACT = "inexact"  # no model of the library is right
     FAULT = "fault"  # there is no model

@@ -46,7 +46,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     """
     absent = max(int(np.sum(whitened.is_usable & ~support)), 1)
     prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
-    most = 150  # supports that are weighed; with 60, 1 % of the intervals that hold with 150 fail
+    most = 150  # supports that are weighed; with 60, 1 % fewer intervals contain the truth
     known = {support.tobytes(): (-np.inf, support)}
     visited: set[bytes] = set()
     for _ in range(1 + 4):
@@ -80,10 +80,11 @@ def weigh_by_prior(problem: Problem, plausible: Plausible) -> Plausible:
         return plausible
     size = plausible.supports.sum(axis=1)
     price = plausible.supports @ problem.prior_prices
+    rise = price - price[0]
     clearly = plausible.chi2 < plausible.chi2[0] - 5.0
     is_no_tie = (size < size[0]) | (size > size[0]) & clearly
-    dearer = np.where(is_no_tie, np.minimum(price - price[0], 0.0), price - price[0])
-    weight = plausible.weight * np.exp(-(dearer - dearer.min()) / 2.0)
+    rise = np.where(is_no_tie, np.minimum(rise, 0.0), rise)
+    weight = plausible.weight * np.exp(-(rise - rise.min()) / 2.0)
     return replace(plausible, weight=weight / weight.sum())
 
 

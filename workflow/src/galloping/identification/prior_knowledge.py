@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import isfinite
 from numbers import Real
 
 import numpy as np
@@ -76,9 +75,9 @@ class Prior:
 
         complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
         """
-        dearer = -2.0 * np.log(self.nonlinear) * complexity
-        simple = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
-        return simple - 2.0 * np.log(self.power) * powers
+        nonlinear = -2.0 * np.log(self.nonlinear) * complexity
+        price = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), nonlinear)
+        return price - 2.0 * np.log(self.power) * powers
 
 
 PRIOR = Prior()
@@ -122,16 +121,14 @@ class Coefficient:
     def __post_init__(self) -> None:
         if not isinstance(self.term, tuple):
             raise ValueError(f"coefficient: term: {self.term!r:.60}; must be a tuple of exponents")
-        for name in ("mean", "deviation"):
-            value = getattr(self, name)
-            is_valid = isinstance(value, int | float) and isfinite(value) and abs(value) <= LARGEST
-            is_valid = is_valid or (name == "mean" and value is None)
-            if not is_valid or (name == "deviation" and value < 0.0):
-                allowed = "a number" + (" from 0" if name == "deviation" else "")
+        mean = 0.0 if self.mean is None else self.mean
+        for name, value, lowest in (("mean", mean, -LARGEST), ("deviation", self.deviation, 0.0)):
+            if not isinstance(value, int | float) or not lowest <= value <= LARGEST:
+                kind = "a number from 0" if name == "deviation" else "a number"
                 raise ValueError(
-                    f"coefficient: {name}: {value!r:.60}; must be {allowed} up to {LARGEST:g}"
+                    f"coefficient: {name}: {value!r:.60}; must be {kind} up to {LARGEST:g}"
                 )
-        least = max(SMALLEST * abs(self.mean or 0.0), 1.0 / LARGEST)
+        least = max(SMALLEST * abs(mean), 1.0 / LARGEST)
         if 0.0 < self.deviation < least:
             raise ValueError(
                 f"coefficient: deviation: {self.deviation!r:.60}; must be 0, which fixes it, or at "

@@ -316,7 +316,7 @@ def mixture_information(information: np.ndarray, largest: np.ndarray) -> np.ndar
 
     They are the information on mixtures of terms, (n,). A mixture of unit length in these units is
     as large as the motion. If its eigenvalue is below one, noise hides it. information: (n, n) of
-    the coefficients. largest: (n,) each alone as large as the motion.
+    the coefficients. largest: (n,) of `problem.largest_coefficients`.
     """
     return np.linalg.eigvalsh(information * largest * largest[:, None])
 

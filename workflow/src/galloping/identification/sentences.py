@@ -71,9 +71,6 @@ def _template_values(finding: Finding) -> dict[str, object]:
     if "share" in finding.data:
         share = float(finding.data["share"])
         values["share_percent"] = 100.0 * share
-        values["share_in_words"] = (
-            f"{100.0 * share:.0f} % of"
-            if share < 1.0
-            else "all of" if share < 2.0 else "many times"
-        )  # fmt: skip
+        large = "all of" if share < 2.0 else "many times"
+        values["share_in_words"] = f"{100.0 * share:.0f} % of" if share < 1.0 else large
     return values

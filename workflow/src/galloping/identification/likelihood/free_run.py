@@ -65,14 +65,11 @@ def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray)
     covariance is known: of 40, `small_sample_factor` is 1.07. With 20 or 80 no answer of `make
     exam` changes.
     """
-    stretches = np.concatenate(
-        [
-            np.add.reduceat(each, np.linspace(0, len(each), count, endpoint=False).astype(int))
-            for each in gradients
-            if (count := min(len(each), 40))
-        ]
-    )
-    influence = stretches @ covariance
+    sums = []
+    for gradient in gradients:
+        first = np.linspace(0, len(gradient), min(len(gradient), 40), endpoint=False).astype(int)
+        sums.append(np.add.reduceat(gradient, first))
+    influence = np.concatenate(sums) @ covariance
     return SYSTEMATIC * small_sample_factor(len(influence)) * influence.T @ influence
 
 

@@ -301,13 +301,9 @@ def _search_approximate(start: Start, objections: Findings) -> tuple[Outcome, bo
     """Search for the model nearest to the data if none follows them. objections: the reasons."""
     # a score test names a late input, but not by how much it is late
     late = _find_late_inputs(start)
-    named = {each.subject for each in late}
-    other = (
-        each
-        for each in objections
-        if not (each.code == Code.INPUT_DELAYED and each.subject in named)
-    )
-    search = partial(_fit_approximate, objections=(*late, *other))
+    replaced = {(Code.INPUT_DELAYED, each.subject) for each in late}
+    others = [each for each in objections if (each.code, each.subject) not in replaced]
+    search = partial(_fit_approximate, objections=(*late, *others))
     return _search_equilibria(start, search), True
 
 

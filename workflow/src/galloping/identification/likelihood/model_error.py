@@ -117,9 +117,8 @@ def fit_approximation(
     fit, record = approximation.fit, approximation.fit.record
     condensed = record.condensed
     if not approximation.forecast_r2 > 0.0:
-        nothing = Finding.of(Code.PREDICTS_NOTHING)
-        refused = refused_model(record.problem, (*objections, nothing))
-        return prepend_path(approximation.path, refused)
+        findings = *objections, Finding.of(Code.PREDICTS_NOTHING)
+        return prepend_path(approximation.path, refused_model(record.problem, findings))
     if approximation.fluctuates:
         objections = (*objections, Finding.of(Code.COEFFICIENTS_FLUCTUATE))
     residual = condensed.targets - record.predict_projections(fit.free, fit.starts)

@@ -20,7 +20,7 @@ NEIGHBOURS = 15
 # Noise counts as correlated over a few samples if chi^2 per degree of freedom exceeds this limit: a
 # model error of this size would be refused by its spectrum. The power of such noise at the motion's
 # frequencies may be up to this many times that at higher ones, and intervals widen by the root of
-# the ratio. Noise correlated over a period has a larger ratio, and cannot be told from the motion.
+# the ratio. Noise correlated over a period has a larger ratio, and looks like motion.
 MOST_COLOUR = 2.0
 # Residuals and noise below this share of a channel are truncation errors (1e-7) and rounding.
 ROUNDING = 1e-5

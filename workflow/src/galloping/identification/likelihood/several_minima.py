@@ -92,10 +92,8 @@ def _descend_chi2(fit: ShootingFit) -> Step:
         quadratic, change = _quadratic_model(fit)
         starts, share, better = quadratic.move_states(change), 1.0, None
         for _ in range(7):  # halvings of the step
-            candidate = replace(
-                fit, free=fit.free + share * change, starts=fit.starts + share * starts
-            )
-            tried = attempt(_match_segments, candidate)
+            trial = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
+            tried = attempt(_match_segments, trial)
             if not isinstance(tried, NoModel) and tried.chi2 < fit.chi2:
                 better = tried
                 break
@@ -176,12 +174,12 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
     if samples is None or few or not np.any(stuck & shown):
         return None
     functionals = np.where(stuck[:, None, None, None], 0.0, condensed.functionals)
-    held = np.repeat(stuck, np.diff(samples.offsets))
+    is_stuck = np.repeat(stuck, np.diff(samples.offsets))
     cut = replace(
         condensed,
         functionals=functionals,
         targets=np.where(stuck[:, None, None], 0.0, condensed.targets),
-        samples=samples._replace(basis=np.where(held[:, None, None], 0.0, samples.basis)),
+        samples=samples._replace(basis=np.where(is_stuck[:, None, None], 0.0, samples.basis)),
         rows=np.add.reduceat(functionals.any(axis=3).sum(axis=2), condensed.first[:-1]),
     )
     return replace(fit, record=replace(record, condensed=cut))

@@ -268,8 +268,8 @@ class ShootingFit:
     free: (n_candidates,) coefficients, zero outside the support (n_candidates,), boolean. starts:
     (n_segments, n_states) first states. sigma: (n_recordings, n_observed) standard deviation of the
     projections' noise, not below the floor. reference: the same as first estimated. chi2: misfit in
-    units of `reference`. It is that of the fit from which the last step led here, and infinite
-    before any step; it is that of this fit itself where a function says so.
+    units of `reference`, of the fit before the last step; infinite before any step. In
+    `several_minima`, that of this fit.
     """
 
     record: ShootingData

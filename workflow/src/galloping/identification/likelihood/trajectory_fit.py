@@ -87,8 +87,8 @@ def fit_free_segments(start: Start, guess: WeakFit) -> Step | None:
     """Fit a model to segments of the recordings, each with an independent initial state.
 
     Segments are halved up to three times, until the fit is close, or until they are so short that
-    their initial states alone explain the samples. If the fit is never close, segments are as short
-    as halving them still halved the misfit. None if there is no fit.
+    their initial states alone explain the samples. If no fit is close, the result is that of the
+    last of the halvings that each halved the misfit. None if there is no fit.
 
     From a rough guess, particularly of a sensitive system, long segments diverge from the solution;
     segments that are too short hide faults of the recording.
@@ -180,10 +180,7 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
-            input_errors = problem.input_fit_errors(
-                recordings, condensed.first, condensed.step, inputs
-            )
-            error = _error_of_inputs(start, guess, input_errors, observed, is_rate)
+            error = _error_of_inputs(start, guess, condensed)
             # the inputs' deviation from their polynomials moves the solution too far in a window
             if windows < 8 * WINDOWS_PER_PERIOD and np.any(error > 0.1 * noise):
                 windows, length = 2 * windows, 2 * length
@@ -204,39 +201,32 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
     raise FloatingPointError("the start diverges, or its time scale is too short")
 
 
-def _error_of_inputs(
-    start: Start,
-    guess: WeakFit,
-    input_errors: np.ndarray,
-    observed: np.ndarray,
-    is_rate: np.ndarray,
-) -> np.ndarray:
+def _error_of_inputs(start: Start, guess: WeakFit, condensed: Condensed) -> np.ndarray:
     """Estimate the error of the solution from inputs that are no polynomials, (n_observed,).
 
     It is a root mean square within windows. The difference between inputs and polynomials, such as
     the steps of a held input, affects a rate, its integral the state, and its second integral the
     state that has this state as rate. No term counts for more than its whole equation.
-    input_errors: of `Problem.input_fit_errors`.
     """
     problem, n = start.problem, len(start.problem.states)
+    observed, is_rate = condensed.observed, condensed.is_rate
+    input_errors = problem.input_fit_errors(
+        start.recordings, condensed.first, condensed.step, condensed.inputs
+    )
     values = np.concatenate([one.states[one.valid] for one in start.smoothed])
     theta = design_matrix(values, tuple(map(tuple, problem.state_exponents)))
     sizes = np.sqrt(np.mean(theta**2, axis=0))
     coefficients = np.minimum(np.abs(guess.free), start.largest)
-    equation_errors = np.zeros((3, n))
+    errors = np.zeros((3, n))
     for (equation, term), coefficient in zip(problem.candidates, coefficients, strict=True):
         factor = problem.terms[term][n:]
         if any(factor):
             share = coefficient * sizes[term]
-            equation_errors[:, equation] += (
-                share * input_errors[:, problem.tables.factors.index(factor)]
-            )
-    error = np.where(is_rate, equation_errors[0, observed], equation_errors[1, observed])
+            errors[:, equation] += share * input_errors[:, problem.tables.factors.index(factor)]
+    error = np.where(is_rate, errors[0, observed], errors[1, observed])
     for displacement, velocity in velocity_pairs(problem.states).items():
         channels = observed == displacement
-        error[channels] = np.where(
-            is_rate[channels], equation_errors[1, velocity], equation_errors[2, velocity]
-        )
+        error[channels] = np.where(is_rate[channels], errors[1, velocity], errors[2, velocity])
     return error
 
 
@@ -317,10 +307,9 @@ def take_step(
 ) -> Step:
     """Take a Gauss-Newton step from a fit or, if the fit is bad, from nearer to the one before it.
 
-    A fit is bad if it diverges, or if it is not close and its chi^2 is 1.5 times its `chi2` or
-    more. This `chi2` is for `fit` that of `before`, and for fits nearer to `before` that of one
-    pass earlier. The other arguments are as in `_gauss_newton`. Raises FloatingPointError if all
-    are bad, or the work is exhausted.
+    A fit is bad if it diverges, or if it is not close and its chi^2 is 1.5 times that of the fit
+    before it or more. The other arguments are as in `_gauss_newton`. Raises FloatingPointError if
+    all are bad, or the work is exhausted.
     """
     passing("follow the recording in segments")
     if is_exhausted():

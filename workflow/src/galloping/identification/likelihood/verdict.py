@@ -104,9 +104,8 @@ def assess_fit(
     if support.any():
         ruled_out, contradicted = find_beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
-        whitened = whiten(
-            allowed, np.where(ruled_out, 0.0, right), problem.selection_offset(origin)
-        )
+        offset = problem.selection_offset(origin)
+        whitened = whiten(allowed, np.where(ruled_out, 0.0, right), offset)
         plausible = plausible_supports(whitened, support)
         posterior = weigh_by_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(posterior, errors), support, penalty)
@@ -214,17 +213,15 @@ def find_beyond_bounds(
         ruled_out[k] = off > 0.0 and not regression.support[k]
         error = np.sqrt(covariance[with_term[:k].sum(), with_term[:k].sum()])
         if off > MOST_SURPRISE * error > 0.0:
-            contradicted.append(
-                Finding.of(
-                    Code.BOUNDS_CONTRADICTED, problem.states[problem.candidates[k, 0]],
-                    term=problem.candidate_names([k]), value=value, least=lower[k], most=upper[k],
-                )
-            )  # fmt: skip
+            contradicted.append(Finding.of(
+                Code.BOUNDS_CONTRADICTED, problem.states[problem.candidates[k, 0]],
+                term=problem.candidate_names([k]), value=value, least=lower[k], most=upper[k],
+            ))  # fmt: skip
     return ruled_out, contradicted
 
 
 def have_same_terms(models: list[IdentifiedModel]) -> bool:
-    """Decide whether the last model, and an earlier one with the same terms, follow the data."""
+    """Decide whether the last model follows the data with the same terms as an earlier one."""
     following = [one for one in models if one.status in FOLLOWING_STATUSES]
     if not following or following[-1] is not models[-1]:
         return False
@@ -234,8 +231,8 @@ def have_same_terms(models: list[IdentifiedModel]) -> bool:
 def choose_best(models: list[IdentifiedModel]) -> IdentifiedModel:
     """Choose the best of several models from different initial guesses.
 
-    The best is that of the fewest terms that follow the data, or else of the best forecasts; not
-    `ok` if no other follows the data, since a better one may then be missed.
+    The best model has the fewest terms of those that follow the data, or else the best forecasts.
+    It is not `ok` if no other model follows the data: a better one may then be missed.
     """
 
     def preference_key(identified: IdentifiedModel) -> tuple[int, float]:

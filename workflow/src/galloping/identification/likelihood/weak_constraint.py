@@ -125,8 +125,8 @@ class StretchFit:
 def shorten_until_integrable(fit: StretchFit, next_fit: StretchFit) -> StretchFit:
     """Shorten the step between fits until the model can be integrated over each segment."""
 
-    def integrable(tried: StretchFit) -> StretchFit:
+    def linearise(tried: StretchFit) -> StretchFit:
         tried.linearised  # noqa: B018 - cached for the next step
         return tried
 
-    return shorten_step(integrable, fit, next_fit)
+    return shorten_step(linearise, fit, next_fit)

@@ -1,4 +1,4 @@
-"""Identification by the weak form alone, a fast method; to others it is a starting point."""
+"""Identification by the weak form alone, a fast method from which the others start."""
 
 from collections.abc import Sequence
 
