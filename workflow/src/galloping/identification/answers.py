@@ -55,8 +55,8 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
     """Extend a model to all candidate terms, with zero coefficients for those that it lacked."""
     places = [problem.terms.index(term) for term in identified.model.terms]
 
-    def spread_values(values: np.ndarray, elsewhere: float) -> np.ndarray:
-        whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
+    def spread_values(values: np.ndarray, fill: float) -> np.ndarray:
+        whole = np.full((*values.shape[:-1], len(problem.terms)), fill)
         whole[..., places] = values
         return whole
 
@@ -104,7 +104,7 @@ def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> Ident
 
 
 def add_input_errors(
-    identified: IdentifiedModel, given: Sequence[Recording], used: Sequence[Recording]
+    identified: IdentifiedModel, recordings: Sequence[Recording], stretches: Sequence[Recording]
 ) -> IdentifiedModel:
     """Add calibration errors of the inputs to standard errors of a model, and note input ranges.
 
@@ -112,20 +112,20 @@ def add_input_errors(
     tenths of the samples of each input (`IdentifiedModel.recorded`).
 
     The calibration factor of an input has the standard error `error`. It multiplies the coefficient
-    of each term with this input, to the power that the input has in the term. given: all
-    recordings; used: their stretches with inputs.
+    of each term with this input, to the power that the input has in the term. recordings: all
+    recordings; stretches: their stretches with inputs.
     """
     names = identified.model.inputs
     if not names or identified.status == "refused":
         return identified
-    samples, kept = (sum(one.samples for one in each) for each in (given, used))
+    samples, kept = (sum(one.samples for one in each) for each in (recordings, stretches))
     diagnostics = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
     places = np.argwhere(identified.support)
     at = tuple(places.T)
     added, sizes = np.zeros((len(places), len(places))), []
     for k, name in enumerate(names, start=len(identified.model.states)):
-        error = max(one.inputs[name].error for one in used)
-        values = np.concatenate([one.inputs[name](one.time) for one in used])
+        error = max(one.inputs[name].error for one in stretches)
+        values = np.concatenate([one.inputs[name](one.time) for one in stretches])
         ends = np.nanquantile(values, QUANTILES_90)
         sizes.append(float(np.sqrt(np.nanmean(values**2))))
         diagnostics |= {

@@ -393,11 +393,11 @@ def make_problem(
         if unit not in index:
             raise ValueError(f"the library lacks {states[velocity]}, the derivative of {states[i]}")
         rows[i, index[unit]] = 1.0
-    given: list[int] = []
+    known_rows: list[int] = []
     if known is not None:
-        given = [states.index(name) for name in known_states]
-        rows[given] = known.on_library(terms).coefficients[given]
-    unknown = tuple(i for i in range(len(states)) if i not in {*pairs, *given})
+        known_rows = [states.index(name) for name in known_states]
+        rows[known_rows] = known.on_library(terms).coefficients[known_rows]
+    unknown = tuple(i for i in range(len(states)) if i not in {*pairs, *known_rows})
     if not unknown:
         every = ", ".join(states)
         raise ValueError(f"the equations of {every} are all known; none is left to find")

@@ -48,7 +48,7 @@ def explain(
 
 def _fill_template(template: str, side: int, values: Mapping[str, object]) -> str:
     """Fill in a template. side: which of the two phrases in <> is used."""
-    text = re.sub("<(.*?)>", lambda of: f"{of[1]}|".split("|")[side], template)
+    text = re.sub("<(.*?)>", lambda match: f"{match[1]}|".split("|")[side], template)
     return text.format_map(values).replace(" .", ".").replace(" ,", ",")
 
 

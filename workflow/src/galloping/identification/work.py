@@ -28,8 +28,7 @@ OUTPUT_WORK = 12.0  # s, allowance for forecasts, limit cycles and figures, whic
 class Work:
     """Limit of the computing work of a search for a model, and the work done so far, in s.
 
-    is_cut_short: whether anything was omitted for lack of work. outer: the work of which this is a
-    part.
+    is_cut_short: whether anything was omitted for lack of work. outer: the work around this one.
     """
 
     most: float

@@ -165,14 +165,14 @@ def rate_functionals(functionals: np.ndarray, step: float) -> np.ndarray:
 
 @njit(cache=True)
 def _project_recording(
-    tau, values, offsets, longest, functionals, targets, counts, rows, remainder, kept
+    tau, values, offsets, longest, functionals, targets, counts, rows, remainder, sample_basis
 ):
     """Fill the statistics of one recording, in place, as in `Condensed`.
 
     tau: (n,) times in their windows, 0 to 1. values: (n, n_observed). offsets: (n_windows + 1,)
     first sample of each window. longest: samples of the fullest window; to find it here would
-    compile for five seconds longer. kept: (n, n_observed, n_rows), to be filled with the basis, or
-    None if not needed. The basis is orthonormal on a window's samples: Legendre-like, by
+    compile for five seconds longer. sample_basis: (n, n_observed, n_rows), to be filled with the
+    basis, or None. The basis is orthonormal on a window's samples: Legendre-like, by
     Gram-Schmidt, twice for its rounding.
     """
     n_windows, n_observed, n_rows, n_powers = functionals.shape
@@ -188,8 +188,8 @@ def _project_recording(
                     sample[n] = values[i, o]
                     n += 1
             counts[o] += n
-            if kept is not None:
-                here = offsets[w] + np.flatnonzero(
+            if sample_basis is not None:
+                places = offsets[w] + np.flatnonzero(
                     np.isfinite(values[offsets[w] : offsets[w + 1], o])
                 )
             used = 0
@@ -205,13 +205,13 @@ def _project_recording(
                             dot += basis[b, i] * basis[used, i]
                         for i in range(n):
                             basis[used, i] -= dot * basis[b, i]
-                left = 0.0
+                rest = 0.0
                 for i in range(n):
-                    left += basis[used, i] ** 2
-                if left < 1e-9 * size or size == 0.0:
+                    rest += basis[used, i] ** 2
+                if rest < 1e-9 * size or size == 0.0:
                     continue
                 for i in range(n):
-                    basis[used, i] /= np.sqrt(left)
+                    basis[used, i] /= np.sqrt(rest)
                 used += 1
             for b in range(used):
                 dot = 0.0
@@ -224,9 +224,9 @@ def _project_recording(
                 targets[w, o, b] = dot
                 for i in range(n):  # not the difference of squares, which an offset would round off
                     sample[i] -= dot * basis[b, i]
-                if kept is not None:
+                if sample_basis is not None:
                     for i in range(n):
-                        kept[here[i], o, b] = basis[b, i]
+                        sample_basis[places[i], o, b] = basis[b, i]
             for i in range(n):
                 remainder[o] += sample[i] ** 2
             rows[o] += used
@@ -254,7 +254,7 @@ def condense_recordings(
     targets = np.zeros((first[-1], n_observed, PROJECTIONS))
     counts, rows = np.zeros((2, len(times), n_observed), np.int64)
     remainder = np.zeros((len(times), n_observed))
-    kept, begins = [], []
+    parts, begins = [], []
     for r, (time, value) in enumerate(zip(times, values, strict=True)):
         scaled = (time - time[0]) / step
         window = np.minimum((scaled + 1e-9).astype(np.int64), windows[r] - 1)
@@ -266,12 +266,12 @@ def condense_recordings(
             int(np.diff(offsets).max()), functionals[within], targets[within], counts[r], rows[r],
             remainder[r], basis,
         )  # fmt: skip
-        kept.append((scaled - window, basis))
+        parts.append((scaled - window, basis))
         begins.append(offsets[:-1] + sum(map(len, times[:r])))
     functionals[:, is_rate] = rate_functionals(functionals[:, is_rate], step)
     samples = None
     if keep_samples:
-        tau, basis = map(np.concatenate, zip(*kept, strict=True))
+        tau, basis = map(np.concatenate, zip(*parts, strict=True))
         offsets = np.append(np.concatenate(begins), len(tau))
         samples = Samples(offsets, tau, basis, is_rate.astype(np.int64))
     return Condensed(

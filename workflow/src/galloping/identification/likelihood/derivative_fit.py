@@ -48,14 +48,14 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         samples = 0
         for r, (theta, rates) in enumerate(zip(thetas, measured, strict=True)):
             rate = rates[:, i] - theta @ problem.known[i]
-            good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
-            if good.sum() <= len(problem.terms):
+            is_complete = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
+            if is_complete.sum() <= len(problem.terms):
                 continue  # too few rows to estimate their noise
-            rows, rate = theta[np.ix_(good, columns)], rate[good]
+            rows, rate = theta[np.ix_(is_complete, columns)], rate[is_complete]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
-            gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
+            residual = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
             floor = TRUNCATION * np.abs(rate).max() + np.finfo(float).tiny
-            sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - len(block))), floor)
+            sigma[r, i] = max(np.sqrt(residual @ residual / (len(rate) - len(block))), floor)
             information[np.ix_(block, block)] += rows.T @ rows / sigma[r, i] ** 2
             right[block] += rate @ rows / sigma[r, i] ** 2
             squares += float(rate @ rate) / sigma[r, i] ** 2
@@ -71,8 +71,9 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # by the mean sample count of an equation
     free, covariance = problem.solve_within_bounds(information, right, support)
-    of_prior, pull = problem.with_prior(np.zeros((n, n)), np.zeros(n))
-    misfit = squares + float(free @ ((information - of_prior) @ free - 2.0 * (right - pull)))
+    prior_information, prior_right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
+    of_data, right_of_data = information - prior_information, right - prior_right
+    misfit = squares + float(free @ (of_data @ free - 2.0 * right_of_data))
     fitted: FitFields = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,

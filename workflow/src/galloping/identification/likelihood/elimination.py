@@ -187,20 +187,20 @@ def jump_covariance(
     linear: Linearised,
     solved: Eliminated,
     change: np.ndarray,
-    at: np.ndarray,
+    jumping: np.ndarray,
 ) -> np.ndarray:
     """Estimate the covariance of the state's jumps between segments, given the data.
 
     Returns (n_states, n_states), for segments with motion of average size. change: of coefficients.
-    at: (n_jumps,) segments after which the state jumps. Fluctuations that follow the states of
+    jumping: (n_jumps,) segments after which the state jumps. Fluctuations that follow the states of
     `linear` are ignored.
     """
     n, n_states = len(change), record.states.shape[1]
-    slopes, step = linear.end_derivatives[at], solved.move_states(change)
-    ends = linear.ends[at] + slopes[:, :, :n] @ change
-    ends += np.einsum("gij,gj->gi", slopes[:, :, n:], step[at])
-    gap = linear.starts[at + 1] + step[at + 1] - ends
-    squares = gap[:, :, None] * gap[:, None, :] + solved.jump_variance[at]
-    squares = squares[:, :n_states, :n_states] / record.segment_sizes[at, None, None] ** 2
+    slopes, step = linear.end_derivatives[jumping], solved.move_states(change)
+    ends = linear.ends[jumping] + slopes[:, :, :n] @ change
+    ends += np.einsum("gij,gj->gi", slopes[:, :, n:], step[jumping])
+    gap = linear.starts[jumping + 1] + step[jumping + 1] - ends
+    squares = gap[:, :, None] * gap[:, None, :] + solved.jump_variance[jumping]
+    squares = squares[:, :n_states, :n_states] / record.segment_sizes[jumping, None, None] ** 2
     floor = np.mean(record.states**2, axis=0) + np.finfo(float).tiny
-    return np.sum(squares, axis=0) / max(len(at), 1) + LEAST_JUMP * np.diag(floor)
+    return np.sum(squares, axis=0) / max(len(jumping), 1) + LEAST_JUMP * np.diag(floor)

@@ -78,11 +78,11 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
         if iteration and not excess - _log_excess(record, misfit) >= 0.53 * excess:
             return None
         support, jump = fine.support, fine.jump
-        for settling in reversed(range(5)):
+        for remaining in reversed(range(5)):
             wider = _add_fluctuations(parts, fine.linearised, rates, variance)
             roots = _change_roots(parts, jumping, jump, size, variance)
             solved = eliminate_with_jumps(wider, parts.segments, roots)
-            if not settling and 0 < iteration < passes - 1:
+            if not remaining and 0 < iteration < passes - 1:
                 support = solved.choose_terms(fine, penalty)
                 support = problem.same_state_monomial(support)
             free, covariance = solved.best_coefficients(fine, support)

@@ -74,17 +74,18 @@ def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray)
 
 
 def fit_free_runs(
-    record: ShootingData, near: IdentifiedModel, penalty: float, objections: Sequence[Finding]
+    record: ShootingData, identified: IdentifiedModel, penalty: float, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
     """Refit an approximate model, with its terms, to minimise the error of its free runs.
 
-    Detection limits remain those of `near`, with which the terms were chosen. `NoModel` if the
-    motion depends on its initial state to the end. Raises FloatingPointError if the iteration
+    Detection limits remain those of `identified`, with which the terms were chosen. `NoModel` if
+    the motion depends on its initial state to the end. Raises FloatingPointError if the iteration
     diverges.
     """
-    condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
-    record = replace(record, segments=Segments(condensed.first, each, each))
-    free, starts = record.problem.candidate_values(near.model.coefficients), near.initial_states
+    condensed, recordings = record.condensed, np.arange(len(record.condensed.first) - 1)
+    record = replace(record, segments=Segments(condensed.first, recordings, recordings))
+    free = record.problem.candidate_values(identified.model.coefficients)
+    starts = identified.initial_states
     squares = condensed.sum_squares(segment_residuals(record, free, starts)[0])
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
     before = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
@@ -98,7 +99,7 @@ def fit_free_runs(
     residual, _ = segment_residuals(record, fit.free, fit.starts)
     information = fit.linearise().information.sum(axis=0)
     run = approximate_free_runs(fit, information, residual, penalty, objections)
-    return replace(run, detection_limits=near.detection_limits)
+    return replace(run, detection_limits=identified.detection_limits)
 
 
 def has_forgotten_start(fit: ShootingFit) -> bool:

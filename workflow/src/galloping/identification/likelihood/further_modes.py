@@ -37,9 +37,9 @@ def find_further_modes(
         for o, i in enumerate(condensed.observed):
             series, data = residual[a:b, o, 0], condensed.motion[a:b, o, 0]
             sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(series))
-            exact = np.linalg.norm(series[sampled]) < ROUNDING * np.linalg.norm(data)
-            few = len(sampled) < max((b - a) / 2, NEIGHBOURS)
-            if condensed.is_rate[o] or i in rates or exact or few:
+            is_exact = np.linalg.norm(series[sampled]) < ROUNDING * np.linalg.norm(data)
+            is_short = len(sampled) < max((b - a) / 2, NEIGHBOURS)
+            if condensed.is_rate[o] or i in rates or is_exact or is_short:
                 continue
             means = series[sampled] / weights[a:b, o][sampled]
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))

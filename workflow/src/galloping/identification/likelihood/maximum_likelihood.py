@@ -182,8 +182,8 @@ def _search_time_scales(
     for share in TIME_SCALES:
         if is_exhausted():
             break
-        given = start if share == 1.0 else None
-        outcome = attempt(_search_time_scale, problem, recordings, share, given)
+        prepared = start if share == 1.0 else None
+        outcome = attempt(_search_time_scale, problem, recordings, share, prepared)
         if isinstance(outcome, IdentifiedModel):
             return outcome if share == 1.0 else prepend_path([f"time scale {share:g}"], outcome)
         objections.append(outcome.findings)
@@ -192,16 +192,16 @@ def _search_time_scales(
 
 
 def _search_time_scale(
-    problem: Problem, recordings: list[Recording], share: float, given: Start | None
+    problem: Problem, recordings: list[Recording], share: float, start: Start | None
 ) -> Outcome:
     """Run the searches of a time scale in their order.
 
     Random forces are tried if the motion may be due to them, and first if no model follows the data
     in segments, or if displacements are not measured.
     """
-    first = replace(given, problem=problem) if given else make_start(problem, recordings, share)
-    start, scales = rescale_start(first, recordings, share)
-    searches = [partial(_search_exact, start), partial(_search_approximate, start)]
+    first = replace(start, problem=problem) if start else make_start(problem, recordings, share)
+    rescaled, scales = rescale_start(first, recordings, share)
+    searches = [partial(_search_exact, rescaled), partial(_search_approximate, rescaled)]
     if share == 1.0:
         may_be_random = is_ambient_candidate(first)
         exact_first = (

@@ -46,14 +46,14 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
         return []
     n, extra = len(problem.candidates), len(kinds)
     forces = _forces_along_motion(fit, tuple(term for *_, term in kinds))
-    given = record.condensed.inputs
-    given = np.pad(given, ((0, 0), (0, DEGREE + 1 - given.shape[1]), (0, 0)))
+    factors = record.condensed.inputs
+    factors = np.pad(factors, ((0, 0), (0, DEGREE + 1 - factors.shape[1]), (0, 0)))
     places = len(problem.names)
     terms = [(*term[:places], *[0] * extra, *term[places:]) for term in problem.terms]
     terms += [linear_term(places + k, places + extra) for k in range(extra)]
     wider = add_inputs(
         replace(fit, sigma=fit.reference), [f"force {k}" for k in range(extra)], terms,
-        np.concatenate([given, forces], axis=2),
+        np.concatenate([factors, forces], axis=2),
     )  # fmt: skip
     entries = [(i, len(problem.terms) + k) for k, (i, *_) in enumerate(kinds)]
     linear = wider.linearise(np.vstack([problem.candidates, entries]))

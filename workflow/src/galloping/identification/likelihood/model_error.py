@@ -150,10 +150,10 @@ def as_identified(
         for name, share in shares.items()
     ]
     sigma, of_rates = condensed.noise_by_state(problem.states, noise)
-    besides = find_further_modes(problem.states, condensed, residual)
+    further = find_further_modes(problem.states, condensed, residual)
     lacking = (
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
-        for mode in besides
+        for mode in further
     )
     known = condensed.noise_variance  # zero where it is neither known nor estimated
     power = (
@@ -167,7 +167,7 @@ def as_identified(
         initial_states=fit.starts[record.first_segments],
         sigma=sigma,
         chi2=squares / noise_power if noise_power else np.inf,
-        further_modes=besides,
+        further_modes=further,
         diagnostics={
             "forecast_r2": approximation.forecast_r2,
             **of_rates,
@@ -329,9 +329,9 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
         of_single_folds += unknown @ unknown.T
         change = np.zeros(len(fit.support))
         change[fit.support] = changes[k]
-        at = slice(*np.searchsorted(linear.fold, [k, k + 1]))
-        windows = slice(segments.first[at.start], segments.first[at.stop])
-        predicted = record.predict_projections(fit.free + change, record.starts[at], at)
+        fold = slice(*np.searchsorted(linear.fold, [k, k + 1]))
+        windows = slice(segments.first[fold.start], segments.first[fold.stop])
+        predicted = record.predict_projections(fit.free + change, record.starts[fold], fold)
         residual[windows] = condensed.targets[windows] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(n_folds - 1, 1)

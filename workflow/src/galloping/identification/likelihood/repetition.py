@@ -55,12 +55,12 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
     except FloatingPointError:
         return False
     states = (states - states.mean(axis=0)) / np.fmax(states.std(axis=0), np.finfo(float).tiny)
-    apart = _lag_distances(states)
-    falling = np.flatnonzero(np.diff(apart) < 0.0)
+    distances = _lag_distances(states)
+    falling = np.flatnonzero(np.diff(distances) < 0.0)
     if not len(falling):
         return False
-    nearest = falling[0] + np.argmin(apart[falling[0] :])
-    if apart[nearest] > 0.2:
+    nearest = falling[0] + np.argmin(distances[falling[0] :])
+    if distances[nearest] > 0.2:
         return False
     step, last = time[1] - time[0], time[-1]
     best = step * float(nearest)

@@ -118,7 +118,7 @@ def diagnose_residuals(
     m = 2 * NEIGHBOURS - 4
     tested = residual.shape[1] * int(condensed.first[-1]) / 2.0
     line_allowed = m * ((RESIDUAL_RATE / tested) ** (-1.0 / m) - 1.0)
-    line, frequency, channel, cycles = max(lines, key=lambda own: own[0])
+    line, frequency, channel, cycles = max(lines, key=lambda line: line[0])
     return ResidualDiagnostics(
         *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,
         band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,

@@ -353,11 +353,11 @@ def cut_segments(condensed: Condensed, windows: int, allowed: np.ndarray) -> Seg
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         pieces = max(1, round((b - a) / windows))
         starts = np.linspace(a, b, pieces + 1).round().astype(np.int64)[:-1]
-        may = np.append(a, a + 1 + np.flatnonzero(allowed[a + 1 : b]))
-        after = np.minimum(np.searchsorted(may, starts), len(may) - 1)
+        permitted = np.append(a, a + 1 + np.flatnonzero(allowed[a + 1 : b]))
+        after = np.minimum(np.searchsorted(permitted, starts), len(permitted) - 1)
         before = np.maximum(after - 1, 0)
-        nearer = starts - may[before] <= np.abs(may[after] - starts)
-        starts = np.unique(np.where(nearer, may[before], may[after]))
+        nearer = starts - permitted[before] <= np.abs(permitted[after] - starts)
+        starts = np.unique(np.where(nearer, permitted[before], permitted[after]))
         first.append(starts)
         recording.append(np.full(len(starts), r))
     owner = np.concatenate(recording)

@@ -61,12 +61,10 @@ def _unmeasured_displacements(start: Start) -> set[tuple[int, int]]:
 def starts_at_equilibria(start: Start) -> Iterator[tuple[str, Start]]:
     """Yield named initial guesses for several positions of the equilibrium.
 
-    They have no constant terms. The curves are used as they are, then shifted along each
-    displacement that is not measured.
-
-    The middle of a motion may be a fifth of the displacement's deviation from the equilibrium. For
-    the line of the study it is 0.15 deviations away, and on its accelerations starts that are 0.0
-    to 0.1 deviations off always lead to the model. Raises what `weak_fit` raises.
+    They have no constant terms. The curves are used as they are, then shifted by a fifth of the
+    standard deviation along each unmeasured displacement: the mean of a motion may be so far from
+    the equilibrium. For the line of the study it is 0.15 deviations away; on its accelerations,
+    guesses 0.0 to 0.1 deviations off always lead to the model. Raises what `weak_fit` raises.
     """
     problem = start.problem.drop_terms(lambda term: not any(term))  # without constants
     unmeasured = sorted(state for state, _ in _unmeasured_displacements(start))

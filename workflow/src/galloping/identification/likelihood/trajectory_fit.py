@@ -173,9 +173,9 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
     for _ in range(MOST_TRIALS):
         if is_exhausted():
             raise NotConvergedError(Code.LIMIT_OF_WORK)
-        kinked = problem.tables.n_kinks > 0
+        has_kinks = problem.tables.n_kinks > 0
         condensed = condense_recordings(
-            times, sampled, observed, period / windows, is_rate, known, kinked
+            times, sampled, observed, period / windows, is_rate, known, has_kinks
         )
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
@@ -238,7 +238,7 @@ def _window_states(
     Returns (n_windows, n_states) and (n_windows,). Without data nearby, as in the gap of a channel,
     states are limited to their range.
     """
-    states, near = [], []
+    states, has_data = [], []
     windows = np.diff(condensed.first)
     for recording, one, count in zip(recordings, smoothed, windows, strict=True):
         time = recording.time[0] + condensed.step * np.arange(count)
@@ -247,8 +247,8 @@ def _window_states(
         if valid.any():
             values = np.clip(values, values[valid].min(axis=0), values[valid].max(axis=0))
         states.append(values)
-        near.append(valid)
-    return np.concatenate(states), np.concatenate(near)
+        has_data.append(valid)
+    return np.concatenate(states), np.concatenate(has_data)
 
 
 def join_segments(

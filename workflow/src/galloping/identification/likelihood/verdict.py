@@ -100,7 +100,7 @@ def assess_fit(
     free = free + origin
     findings, notes = [Finding.of(Code.NO_TERM)], []
     errors = added_deviation(information, support)
-    others: dict[str, Any] = {}
+    rival_fields: dict[str, Any] = {}
     if support.any():
         ruled_out, contradicted = find_beyond_bounds(problem, regression)
         allowed = np.where(np.logical_or.outer(ruled_out, ruled_out), 0.0, information)
@@ -123,7 +123,7 @@ def assess_fit(
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
         errors = unconditional_errors(plausible, errors)
-        others = _draw_rivals(problem, regression, posterior)
+        rival_fields = _draw_rivals(problem, regression, posterior)
     model = problem.model(free)
     if followed and is_periodic(model, followed, period):
         findings = [Finding.of(Code.MOTION_REPEATS), *findings]
@@ -138,7 +138,7 @@ def assess_fit(
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
         covariance=problem.model_covariance(covariance, support),
         known=problem.known_equations,
-        **others,
+        **rival_fields,
         **fitted,
     )
 
@@ -180,11 +180,11 @@ def assess_approximation(
 
 def _draw_rivals(problem: Problem, regression: Regression, posterior: Plausible) -> dict[str, Any]:
     """Draw models of rival supports, as fields of a result; none if less likely than MISS_RATE."""
-    rng, others, drawn = np.random.default_rng(0), posterior.weight[1:], []
-    share = float(others.sum())
+    rng, weights, drawn = np.random.default_rng(0), posterior.weight[1:], []
+    share = float(weights.sum())
     if share < MISS_RATE:
         return {}
-    for k in rng.choice(len(others), RIVALS, p=others / share):
+    for k in rng.choice(len(weights), RIVALS, p=weights / share):
         support = posterior.supports[1 + k]
         free = np.where(support, regression.origin, 0.0)
         right = regression.right + regression.information @ (regression.origin - free)

@@ -109,14 +109,16 @@ class StretchFit:
             whitened, n, recording = np.zeros(rows.shape), len(rows), owner[windows.start]
             count_work(1.5e-10 * len(lags) * rows.size)
             for o, k in np.ndindex(rows.shape[1:3]):
-                at = np.flatnonzero(is_present[windows, o, k])
-                if not len(at):  # without rows LAPACK would print a message
+                kept = np.flatnonzero(is_present[windows, o, k])
+                if not len(kept):  # without rows LAPACK would print a message
                     continue
                 factor = factors[recording, o, k, :n, :n]
-                if len(at) < n:
-                    factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(at, at)])
+                if len(kept) < n:
+                    factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(kept, kept)])
                 # `scipy.linalg.solve_triangular` takes three times as long for so few rows
-                whitened[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
+                whitened[kept, o, k] = lapack.dtrtrs(factor.T, rows[kept, o, k], lower=0, trans=1)[
+                    0
+                ]
             return whitened
 
         return whiten_rows

@@ -65,10 +65,10 @@ def weak_gls(
     def search_model() -> IdentifiedModel:
         used = segments_with_inputs(recordings, problem.inputs)
         guess = start or make_start(problem, used)
-        fit, more = guess.fit, max(guess.fit.misfit, 1.0)
+        fit, inflation = guess.fit, max(guess.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
             raise IdentificationError(Code.WEAK_MISFIT, misfit=fit.misfit)
-        system = fit.information / more, fit.right / more
+        system = fit.information / inflation, fit.right / inflation
         identified = assess_fit(
             problem,
             Regression(*system, fit.support, guess.penalty, guess.largest),
