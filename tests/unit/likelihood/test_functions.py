@@ -141,6 +141,17 @@ def test_bounds_are_checked():
             maximum_likelihood(recording, CUBIC, coefficients=pair)
 
 
+def test_a_known_constant_sets_an_equilibrium_that_is_not_measured():
+    true = parse_model("q = dq; dq = 2 - 4 q - 0.1 dq - 0.5 q^3")
+    recording = noisy(true, simulate(true, (1.5, 0.0), TIME).states, TIME, 0.005, 1)
+    recording = Recording(TIME, STATES, recording.values * [np.nan, 1.0])
+    for deviation, statuses in ((0.1, ("ok",)), (0.0, ("ok", "refused"))):
+        known = Coefficient("dq", (0, 0), 2.0, deviation)
+        found = maximum_likelihood(recording, CUBIC, coefficients=[known])
+        assert found.status in statuses
+        assert found.status == "refused" or abs(found.model.coefficients[1, 0] - 2.0) < 0.1
+
+
 def test_a_coefficient_has_one_mean_and_one_pair_of_bounds():
     mean, fixed = Coefficient("dq", (0, 1), -0.1, 0.01), Coefficient("dq", (0, 1), -0.1)
     bounds = Coefficient("dq", (0, 1), upper=0.0)

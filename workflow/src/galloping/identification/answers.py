@@ -128,9 +128,8 @@ def add_input_errors(
         values = np.concatenate([one.inputs[name](one.time) for one in stretches])
         ends = np.nanquantile(values, QUANTILES_90)
         sizes.append(float(np.sqrt(np.nanmean(values**2))))
-        diagnostics |= {
-            f"{name}{end}": float(value) for end, value in zip(RANGE, ends, strict=True)
-        }
+        ranges = zip(RANGE, map(float, ends), strict=True)
+        diagnostics |= {f"{name}{end}": value for end, value in ranges}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
         shift = error * power * identified.model.coefficients[at]
         shift[identified.standard_errors[at] == 0.0] = 0.0  # fixed coefficients have no such error

@@ -70,11 +70,10 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
         kept = time[time <= last - delay]
         return float(np.sqrt(np.mean((curve(kept + delay) - states[: len(kept)]) ** 2)))
 
-    for multiple in (1, int(last * 2 / 3 // best)):
-        width = multiple * step
+    for count in (1, int(last * 2 / 3 // best)):
+        width = count * step
         best = minimize_scalar(
-            lag_distance, method="bounded",
-            bounds=(multiple * best - width, multiple * best + width),
+            lag_distance, bounds=(count * best - width, count * best + width), method="bounded",
             options={"xatol": FINE * step},
         ).x  # fmt: skip
     return lag_distance(best) < 0.01

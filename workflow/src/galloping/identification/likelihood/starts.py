@@ -46,9 +46,16 @@ def rescale_start(
 def has_free_equilibrium(start: Start) -> bool:
     """Decide whether the equilibrium can be set to zero because no displacement is measured.
 
-    That is, whether each unknown equation is of the velocity of an unmeasured displacement.
+    That is, whether each unknown equation is of the velocity of an unmeasured displacement, and no
+    constant in it is known to differ from zero.
     """
-    return set(start.problem.unknown) <= {v for _, v in _unmeasured_displacements(start)}
+    problem = start.problem
+    constants = [j for j, term in enumerate(problem.terms) if not any(term)]
+    known = (problem.known + problem.expected)[np.ix_(problem.unknown, constants)]
+    bounds = [ends for _, term, *ends in problem.bounds if not any(term)]
+    if np.any(known != 0.0) or any(least > 0.0 or most < 0.0 for least, most in bounds):
+        return False
+    return set(problem.unknown) <= {v for _, v in _unmeasured_displacements(start)}
 
 
 def _unmeasured_displacements(start: Start) -> set[tuple[int, int]]:

@@ -15,12 +15,8 @@ from galloping.recording.samples import Recording
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
     """Prepare recordings, terms and initial guess for `weak_gls` and `maximum_likelihood`.
 
-    Returns
-    -------
-    dict
-        Recordings, library, and the start that both methods share. The start is None if none is
-        found, for a reason that each method finds again, and for exact states with derivatives,
-        which need no start.
+    Returns them by argument name. `start` is None if there is none, for a reason that each method
+    finds again, or if the states are exact and need none.
     """
     recordings, start = list(recordings), None
     if not all(recording.exact for recording in recordings):

@@ -116,9 +116,8 @@ class StretchFit:
                 if len(kept) < n:
                     factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(kept, kept)])
                 # `scipy.linalg.solve_triangular` takes three times as long for so few rows
-                whitened[kept, o, k] = lapack.dtrtrs(factor.T, rows[kept, o, k], lower=0, trans=1)[
-                    0
-                ]
+                solved, _ = lapack.dtrtrs(factor.T, rows[kept, o, k], lower=0, trans=1)
+                whitened[kept, o, k] = solved
             return whitened
 
         return whiten_rows
