@@ -45,7 +45,9 @@ def test_what_is_no_length_is_refused_at_once(unit):
 def test_units_of_inputs_keep_their_names_without_prefixes():
     assert input_si("kN") == (1000.0, "N") and input_si("mV") == (pytest.approx(1e-3), "V")
     assert input_si("degC") == (1.0, "degC") and input_si("%") == (0.01, "1")
-    assert input_si("0.5 V") == (0.5, "V")
+    assert input_si("0.5 V") == (0.5, "V") and input_si("1 N") == (1.0, "N")
+    for gravity in ("3.9 mg", "0.0039 g", "0.0039 G"):  # of one count of an accelerometer
+        assert input_si(gravity) == (pytest.approx(0.0039 * 9.80665), "m/s^2")
     assert input_si("µm/m") == (pytest.approx(1e-6), "1")
     assert input_si("mV/V") == (pytest.approx(1e-3), "1")
     with pytest.raises(UnitError):

@@ -115,8 +115,7 @@ def factor(unit: str, wanted: str) -> float:
     size, name = _split_scale(unit)
     try:
         if wanted == "m/s^2":
-            name = f"{name.lower()}_n" if name in ("g", "mg", "G") else name
-            name = re.sub(r"ms\^?-2", "m/s^2", name)
+            name = re.sub(r"ms\^?-2", "m/s^2", _as_gravity(name))
         return size * float(
             _make_registry().Quantity(1.0, _parse_unit(name)).to(_parse_unit(wanted)).magnitude
         )
@@ -134,6 +133,11 @@ def _split_scale(unit: str) -> tuple[float, str]:
     if match and (size := float(match[1])) and size < np.inf:
         return size, match[2].strip()
     return 1.0, unit
+
+
+def _as_gravity(unit: str) -> str:
+    """Return `g_n` or `mg_n` for `g`, `G` and `mg`, and other units unchanged."""
+    return f"{unit.lower()}_n" if unit in ("g", "mg", "G") else unit
 
 
 def is_scaled(unit: str) -> bool:
@@ -245,15 +249,14 @@ def plain_unit(name: str) -> str:
 def input_si(unit: str) -> tuple[float, str]:
     """Return the factor that converts an input's unit to SI, and the name of the SI unit.
 
-    A unit that is SI already is unchanged, and one with an offset, such as degC. `g` and `mg` are
-    of gravity here as well, since a mass drives nothing. Raises UnitError.
+    A unit that is SI already is unchanged, and one with an offset, such as degC. `g`, `G` and `mg`
+    are of gravity here as well, since a mass drives nothing. Raises UnitError.
     """
-    unit += "_n" * (unit in ("g", "mg"))
     if unit in USUAL and USUAL[unit][0] == 1.0:
         return 1.0, unit
     size, name = _split_scale(unit)
     try:
-        quantity = _make_registry().Quantity(1.0, _parse_unit(name))
+        quantity = _make_registry().Quantity(1.0, _parse_unit(_as_gravity(name)))
         if not quantity._is_multiplicative:
             if size != 1.0:
                 raise ValueError("a number times a unit that does not begin at zero")
@@ -263,7 +266,7 @@ def input_si(unit: str) -> tuple[float, str]:
     except Exception as error:  # pint's parser raises many kinds
         raise _unknown(unit, "m/s, N or 1, which takes the numbers as they are") from error
     if base.magnitude == 1.0 and size == 1.0:
-        return 1.0, unit
+        return 1.0, name
     return size * float(base.magnitude), f"{base.units:~C}".replace("**", "^") or "1"
 
 
