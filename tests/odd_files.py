@@ -480,6 +480,7 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "cut.h5": (half(hdf5), PLAIN, ("cannot be read",)),
     "cut.parquet": (half(parquet), PLAIN, ("cannot be read",)),
     "constant.csv": (lines(v=0 * V), PLAIN, ("'v' is 0 throughout",)),
+    "zeros.csv": (lines(v=["-", *["0.0"] * 999]), PLAIN, ("'v' is 0 throughout",)),
     "short.csv": (lines(t=TIME[:50], v=V[:50], w=W[:50]), PLAIN, ("50 rows are fewer than",)),
     "equal.csv": (lines(w=V), PLAIN, ("'v' and 'w'",)),
     "pixels.csv": (lines("t [s],vertical [px],horizontal [m]"), (),

@@ -42,7 +42,7 @@ def duffing():
 
 @pytest.fixture(scope="module")
 def driven():
-    return MaximumLikelihood(input_names=["F"], feature_names=["y"]).fit(Y, TIME, FORCE)
+    return MaximumLikelihood(input_names=pd.Index(["F"]), feature_names=["y"]).fit(Y, TIME, FORCE)
 
 
 # --- the answer ---
@@ -105,6 +105,8 @@ def test_scores(duffing, driven):
     assert 0.99 < driven.score(Y, TIME, FORCE) < 1.0
     other = galloping.simulate(galloping.parse_model("q = dq; dq = -9 q"), [1, 0], TIME)
     assert duffing.score(other.states, TIME) < 0.5
+    with pytest.raises(ValueError, match="no samples"):
+        duffing.score(np.nan * X, TIME)
 
 
 def test_inputs(driven):
@@ -250,6 +252,7 @@ def test_columns_are_chosen_by_name_else_renamed():
         (X, {"t": 0.1, "states": ["q"]}, "x: has 2 columns"),
         (X, {"t": 0.1, "u": FORCE[:-1]}, "u: u0: values"),
         (X, {"t": 0.1, "u": FORCE, "inputs": ["F", "G"]}, "u: has 1 columns"),
+        (X, {"t": 0.1, "u": {"F": "strong"}}, "u: F: text"),
         (X[None], {"t": 0.1}, "x: has shape"),
         ("motion.csv", {}, "x: text"),
         (frame(), {"u": "F"}, "u: no column 'F'"),
@@ -298,6 +301,9 @@ def test_answers_are_frames(duffing):
     table = ahead.to_frame()
     assert [*table] == ["q", "q_low", "q_high", "dq", "dq_low", "dq_high"]
     assert np.array_equal(table.index, ahead.time) and np.all(table.q_low < table.q_high)
+    for window in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="window: "):
+            galloping.forecast(duffing.model_, duffing.recordings_[0], window=window)
     assert galloping.assess(duffing.model_).to_frame().what.eq("rest").any()
 
 

@@ -247,6 +247,20 @@ def test_a_model_with_inputs_is_simulated_in_them(driven, tmp_path):
     assert np.std(simulated["y"] - measured) < 0.03 * np.std(measured)
     printed = run("simulate", model, "--inputs", path, "--duration", 200, code=1)
     assert "99.96 s" in printed
+    for name, said in (("u", "have no unit; write the unit"), ("v [N]", "names of the model's")):
+        frame.set_axis(["t", "y", name], axis=1).to_csv(tmp_path / "u.csv", index=False)
+        printed = run("simulate", model, "--inputs", tmp_path / "u.csv", code=1)
+        assert said in printed and "--input " not in printed and "--unit" not in printed
+
+
+def test_numbers_of_options_are_finite(driven):
+    folder, *_ = driven
+    model = folder / "out" / "model.json"
+    for number in ("inf", "nan", "1e200"):
+        assert "below 1e+100" in run("simulate", model, "--duration", number, code=2)
+    for values, said in ((["-1e308:1e308:1"], "2 to 200 values"), (["1", "2"], "given twice")):
+        at = [option for value in values for option in ("--at", f"u={value}")]
+        assert said in run("assess", model, *at, code=1)
 
 
 def test_what_jumps_anywhere_is_held_unless_the_mapping_says_otherwise(tmp_path):

@@ -16,6 +16,20 @@ MAX_FORECAST_ROWS = 1_000_000
 # hundreds of thousands and hardly any garbage, and the searches cost `identify` a few percent.
 GARBAGE_THRESHOLD = 100_000
 REFUSED = 3  # exit code: the recordings give no model
+MAX_NUMBER = 1e100  # of an option: products of two are finite
+
+
+class _PositiveNumber(click.FloatRange):
+    """Type of an option that is a positive number; click's own accepts NaN and infinity."""
+
+    def convert(self, value, param, ctx):
+        number = super().convert(value, param, ctx)
+        if not number < MAX_NUMBER:
+            self.fail(f"{value}; must be above 0 and below {MAX_NUMBER:g}", param, ctx)
+        return number
+
+
+POSITIVE = _PositiveNumber(0, min_open=True)
 
 
 @click.group(cls=OneLineErrors, context_settings={"help_option_names": ["-h", "--help"]})
@@ -263,9 +277,9 @@ def _write_mapping(file, path, options) -> dict:
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.argument("file", type=click.Path())
 @_mapping_options
-@click.option("--duration", type=click.FloatRange(0, min_open=True),
+@click.option("--duration", type=POSITIVE,
               help="Length of the forecast, s; by default that of the window.")  # fmt: skip
-@click.option("--window", type=click.FloatRange(0, min_open=True),
+@click.option("--window", type=POSITIVE,
               help="Length of the last part of FILE that the forecast starts from, s; by default "
               "six periods.")  # fmt: skip
 @at_option
@@ -339,10 +353,10 @@ def show(model, latex, as_json):
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.option(
     "--duration",
-    type=click.FloatRange(0, min_open=True),
+    type=POSITIVE,
     help="Duration, s; by default 60 periods of the slowest mode, at most that of the inputs.",
 )
-@click.option("--rate", type=click.FloatRange(0, min_open=True),
+@click.option("--rate", type=POSITIVE,
               help="Samples per second, Hz; by default 60 in a period of the fastest small "
               "motion.")  # fmt: skip
 @click.option(
@@ -350,7 +364,8 @@ def show(model, latex, as_json):
 )
 @at_option
 @inputs_option
-@click.option("--time", "time_column", help="Column of the times in that file; by default t.")
+@click.option("--time", "time_column",
+              help="Column of the times in that file; by default found by its name.")  # fmt: skip
 @json_option
 def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_json):
     """Simulate a MODEL and print its states as CSV.

@@ -161,9 +161,9 @@ class MaximumLikelihood:
         ValueError
             If data or options do not match, in one line.
         """
+        names = None if self.input_names is None else tuple(self.input_names) or None
         recordings = make_recordings(
-            x, t, u, x_dot, states=self.feature_names, inputs=self.input_names or None,
-            between=self.between,
+            x, t, u, x_dot, states=self.feature_names, inputs=names, between=self.between,
         )  # fmt: skip
         states, inputs = recordings[0].states, tuple(recordings[0].inputs)
         terms, allowed = self._terms(states, inputs)

@@ -1,7 +1,7 @@
 """Mapping of a file's columns: states or their rates, units, places along the span."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -291,12 +291,15 @@ def _split_units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
     for_all, *more = [text for text in texts if "=" not in text] or [""]
     if more:
         raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
-    return _by_column(text for text in texts if "=" in text), for_all or None
+    return _by_column("unit", [text for text in texts if "=" in text]), for_all or None
 
 
-def _by_column(texts: Iterable[str]) -> dict[str, str]:
-    """Map the name of each column to the text in `COLUMN=TEXT`."""
-    return dict(text.partition("=")[::2] for text in texts)
+def _by_column(option: str, texts: Sequence[str]) -> dict[str, str]:
+    """Map the name of each column to the text in `COLUMN=TEXT`, values of an option."""
+    by_column = dict(text.partition("=")[::2] for text in texts)
+    if len(by_column) < len(texts):
+        raise MappingError(f"--{option}: {', '.join(texts)}; must be one for each column")
+    return by_column
 
 
 def propose_mapping(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
@@ -332,8 +335,8 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
         channels = [{"unit": for_all, **channel} for channel in channels]
     time = dict(proposal.time) if proposal.time else None
     _set_columns("unit", by_column, [*([time] if time else []), *channels, *driving])
-    _set_columns("noise", _by_column(options["noises"]), channels)
-    _set_columns("delay", _by_column(options["delays"]), [*channels, *driving])
+    _set_columns("noise", _by_column("noise", options["noises"]), channels)
+    _set_columns("delay", _by_column("delay", options["delays"]), [*channels, *driving])
     content = {"time": time, "states": states, "channels": channels, "inputs": driving}
     content |= {key: options[key] for key in ("decimal", "span", "rate")}
     return validate_mapping(content), reading

@@ -57,6 +57,7 @@ HINTS = {  # where a column is missing, by what it is of
     InputColumn: "an input has a column of its name, or of that in --input NAME=COLUMN",
     Channel: "--measure STATE=COLUMN says which column measures what (channels: in a mapping)",
 }
+HINT_FOR_MODEL = "columns have the names of the model's inputs; --time names that of the times"
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         except FileError as error:
             if split_header(each.column)[0] in table.columns:
                 raise
-            raise FileError(f"{error}; {HINTS[type(each)]}") from None
+            hint = HINTS[type(each)] if mapping.channels else HINT_FOR_MODEL
+            raise FileError(f"{error}; {hint}") from None
     instants = None
     if mapping.time and mapping.rate is None:
         instants = find_instants(table, mapping.time)
@@ -360,10 +362,10 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
     bare += [(one.column, likely_input_unit(one.column)) for one in filter(lacks, mapping.inputs)]
     if bare:
         names, several = ", ".join(repr(name) for name, _ in bare), len(bare) > 1
+        options = f"add {unit_options(bare)} if that is right (unit: in a mapping), or "
         raise FileError(
             f"{table.path}: column{'s' * several} {names} {'have' if several else 'has'} no unit; "
-            f"add {unit_options(bare)} if that is right (unit: in a mapping), or write the unit "
-            "behind the column's name, in []"
+            f"{options if mapping.channels else ''}write the unit behind the column's name, in []"
         )
 
 

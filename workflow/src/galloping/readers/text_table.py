@@ -138,7 +138,7 @@ def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str,
     words = text[text.str.casefold().isin(MISSING)]
     others = text.drop(words.index).str.replace(decimal, ".")
     numbers = pd.to_numeric(others, errors="coerce").reindex(text.index)
-    if not len(words) or (numbers.isna() & text.notna()).sum() > len(words) or not numbers.any():
+    if not len(words) or (numbers.isna() & text.notna()).sum() > len(words) or numbers.isna().all():
         return cells, {}
     return numbers.astype(float), words.value_counts().to_dict()
 

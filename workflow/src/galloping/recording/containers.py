@@ -238,7 +238,7 @@ def make_inputs(
         if isinstance(values, Input):
             inputs[name] = values
         elif count_dimensions(f"u: {name}", values) == 0:
-            inputs[name] = float(values)
+            inputs[name] = float(as_finite(f"u: {name}", values, ()))
         else:
             try:
                 inputs[name] = Input(time, values, between)

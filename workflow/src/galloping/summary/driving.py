@@ -148,6 +148,8 @@ def parse_input_values(
             has = f"has the inputs {', '.join(inputs)}"
             none = "has no inputs; identify it with an input, such as --input U=COLUMN"
             raise ValueError(f"--at {text}: the model {has if inputs else none}")
+        if name in values_by_input:
+            raise ValueError(f"--at {text}: {name} is given twice")
         try:
             values = [float(part) for part in numbers.split(":")]
         except ValueError:
@@ -162,8 +164,8 @@ def parse_input_values(
         if low == high:
             values_by_input[name] = low
             continue
-        count = int((high - low) / step[0] + ROUNDING) + 1 if step[0] > 0 else 0
-        if not 2 <= count <= MOST_VALUES:
+        n_steps = (high - low) / step[0] + ROUNDING if step[0] > 0 else 0
+        if not 1 <= n_steps < MOST_VALUES:
             raise ValueError(f"--at {text}: must be 2 to {MOST_VALUES} values")
-        values_by_input[name] = low + step[0] * np.arange(count)
+        values_by_input[name] = low + step[0] * np.arange(int(n_steps) + 1)
     return values_by_input

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import (
     TIME_ROUNDING,
     Immutable,
+    as_finite,
     as_increasing,
     first_from,
     one_thread,
@@ -335,6 +336,8 @@ def forecast(
     *_, recording = _used_recordings(found, recording)
     if window is None:
         window = PERIODS * _check_period(longest_period([recording]))
+    elif (window := float(as_finite("window", window, ()))) <= 0.0:
+        raise ValueError(f"window: {window:g} s; must be > 0")
     end = recording.time[-1]
     times = _times_after(recording, window) if time is None else as_increasing("time", time)
     if times[0] <= end:
@@ -483,6 +486,8 @@ def motion_scores(
         sums = np.nansum([left**2, whole], axis=1)
         for name, own in zip(np.array(follow.sensed.names)[measured], sums.T, strict=True):
             squares.setdefault(str(name), []).append(own)
+    if not squares:
+        raise ValueError("score: the recordings have no samples")
     missed, whole = np.array([np.sum(own, axis=0) for own in squares.values()]).T
     with np.errstate(divide="ignore", invalid="ignore"):
         return 1.0 - missed / whole
