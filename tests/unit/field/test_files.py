@@ -9,7 +9,7 @@ from scipy.signal import StateSpace, lfilter, lsim
 
 from galloping.inspection.quality import inspect_recording
 from galloping.readers import FileError
-from galloping.readers.mapping import MappingError, channel_of, validate_mapping
+from galloping.readers.mapping import MappingError, parse_channel, validate_mapping
 from galloping.readers.recordings import make_recording
 from galloping.readers.series import read_series
 
@@ -53,7 +53,7 @@ def test_states_of_another_system_are_taken_in_si_whatever_unit_they_have(tmp_pa
     series = read_series(path, validate_mapping({**system, "channels": channels}))
     np.testing.assert_allclose(series.values, np.column_stack([V, W]))
     np.testing.assert_allclose(series.noise, [0.002, 3.0])
-    assert series.notes == ("column 'x' is taken in m; numbers of x stand without that unit",)
+    assert series.notes == ("column 'x' is read in m; numbers of x are printed without this unit",)
     channels[0]["unit"] = "1"
     with pytest.raises(FileError, match="'2 mm'"):
         read_series(path, validate_mapping({**system, "channels": channels}))
@@ -104,7 +104,7 @@ def test_a_bad_mapping_is_refused_by_name(change, message):
 
 
 def test_short_form_of_a_channel():
-    assert channel_of("ddq_v=acc mid[g_n]@150") == {
+    assert parse_channel("ddq_v=acc mid[g_n]@150") == {
         "measures": "ddq_v", "column": "acc mid", "unit": "g_n", "position": "150",
     }  # fmt: skip
 

@@ -19,9 +19,9 @@ from galloping.behaviour.objections import with_objections
 from galloping.cli import main
 from galloping.identification.observations import Code, Finding
 from galloping.model.terms import parse_library
-from galloping.readers.mapping import input_of, validate_mapping
+from galloping.readers.mapping import parse_input, validate_mapping
 from galloping.readers.series import read_series
-from galloping.readers.units import USUAL, coefficient_unit
+from galloping.readers.units import USUAL_UNITS, coefficient_unit
 from galloping.recording.samples import evaluate_extended
 from galloping.summary.analysis import read_field
 from galloping.summary.helps import meanings_and_advice
@@ -63,7 +63,7 @@ def test_units_and_names_of_inputs_are_read(tmp_path):
     base = read_series(shaken, mapping({"name": "a", "column": "base"}))
     assert dict(base.units) == {"a": "m/s^2"}  # of gravity, no gram
     np.testing.assert_allclose(base.inputs["a"](TIME), 9.80665 * WIND)
-    assert input_of("U=wind[m/s] +- 2%", "zero") == {
+    assert parse_input("U=wind[m/s] +- 2%", "zero") == {
         "name": "U", "column": "wind", "unit": "m/s", "error": "2%", "between": "zero"
     }  # fmt: skip
 
@@ -160,7 +160,7 @@ def test_units_of_coefficients_have_those_of_inputs():
 
 def test_usual_units_are_what_pint_says():
     registry = pint.UnitRegistry()
-    for unit, (value, metres, seconds) in USUAL.items():
+    for unit, (value, metres, seconds) in USUAL_UNITS.items():
         own = registry.Quantity(1.0, "" if unit == "1" else unit)
         assert own == value * registry.m**metres * registry.s**seconds
         assert own.to_base_units().magnitude == value

@@ -105,9 +105,9 @@ def _mapping_options(command):
 
 def _make_mapping(file, options):
     """Make the mapping of columns from options; print how columns are read by their names alone."""
-    from galloping.readers.mapping import mapping_of
+    from galloping.readers.mapping import determine_mapping
 
-    mapping, note = mapping_of(file, options)
+    mapping, note = determine_mapping(file, options)
     if note:
         click.echo(note, err=True)
     return mapping
@@ -201,7 +201,7 @@ def identify(
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")
     question.terms(columns)  # which must make sense before anything is read
-    columns.check_forced(forced, "--random-force")
+    columns.check_random_force(forced, "--random-force")
     earlier = [name for name in OUTPUTS if (Path(output) / name).exists()]
     if earlier and not replace:
         raise ValueError(

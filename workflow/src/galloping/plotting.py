@@ -12,7 +12,7 @@ from galloping.estimator import MaximumLikelihood
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import checked_recordings
 from galloping.model.polynomial import velocity_pairs
-from galloping.readers.units import NONE
+from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input, Recording
 from galloping.summary.summarise import PERIODS, forecast, longest_period, motions_beside
 
@@ -57,7 +57,7 @@ def plot_forecast(
     recordings: Recordings = None,
     time: ArrayLike | None = None,
     *,
-    inputs: Mapping[str, Input | float] = NONE,
+    inputs: Mapping[str, Input | float] = EMPTY,
     seed: int = 0,
 ) -> "Figure":
     """Plot the end of a recording and the model's forecast after it, with a 90 % band.

@@ -15,7 +15,7 @@ from galloping.identification.random_forces import forced_motion as in_random_fo
 from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
 from galloping.passes import passing
-from galloping.readers.units import NONE
+from galloping.readers.units import EMPTY
 from galloping.recording.samples import INTERPOLATED, Input, Recording
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def forecast(
     time: np.ndarray,
     window: float,
     rng: np.random.Generator,
-    inputs: Mapping[str, Input | float] = NONE,
+    inputs: Mapping[str, Input | float] = EMPTY,
 ) -> Forecast:
     """Forecast the samples after a recording by a model started from the last `window` seconds.
 

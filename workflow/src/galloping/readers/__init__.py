@@ -1,6 +1,6 @@
 """Readers of instrument files: from tables with names and units to recordings of states."""
 
-MOST_NAMES = 12  # in a message
+MAX_NAMES = 12  # in a message
 
 
 class FileError(ValueError):

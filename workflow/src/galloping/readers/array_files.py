@@ -12,7 +12,7 @@ import numpy as np
 from galloping.readers import FileError
 from galloping.readers.matlab_elements import check_elements
 
-LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
+MAX_BYTES = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class StoredArray:
 def arrays_in(path: Path, suffix: str) -> Iterator[StoredArray]:
     """Iterate over descriptions of the arrays in a Parquet, HDF5, NetCDF or MATLAB file.
 
-    suffix: of READERS, for files that are not HDF5, as new ones of NetCDF and MATLAB are.
+    suffix: a key of READERS; without effect if the file is HDF5, as newer NetCDF and MATLAB files.
     """
     import h5py
 
@@ -50,20 +50,20 @@ def _parquet(path: Path) -> Iterator[StoredArray]:
     with parquet.ParquetFile(path) as file:
         rows, schema = file.metadata.num_rows, file.schema_arrow
     check_size(8 * rows * len(schema), "arrays")
-    # of text each word is read once, however many rows repeat it
+    # each distinct text is stored once, however many rows repeat it
     texts = [field.name for field in schema if types.is_string(field.type)]
 
     @cache
     def table() -> Any:
         return parquet.read_table(path, read_dictionary=texts)
 
-    def load(place: int) -> np.ndarray:
-        return table().column(place).to_pandas().to_numpy()
+    def load(k: int) -> np.ndarray:
+        return table().column(k).to_pandas().to_numpy()
 
-    for place, field in enumerate(schema):
+    for k, field in enumerate(schema):
         unit = (field.metadata or {}).get(b"unit")
         kind = "V" if types.is_nested(field.type) else "O"
-        yield StoredArray(field.name, (rows,), kind, unit and unit.decode(), partial(load, place))
+        yield StoredArray(field.name, (rows,), kind, unit and unit.decode(), partial(load, k))
 
 
 def _hdf5(path: Path) -> Iterator[StoredArray]:
@@ -90,8 +90,8 @@ def _hdf5(path: Path) -> Iterator[StoredArray]:
             yield StoredArray(name, item.shape or (), kind, unit, partial(load, ()))
 
 
-def _read_dataset(item: Any, place: tuple) -> np.ndarray:
-    return _unpack(item[place], item.attrs.get)
+def _read_dataset(item: Any, index: tuple) -> np.ndarray:
+    return _unpack(item[index], item.attrs.get)
 
 
 def _netcdf(path: Path) -> Iterator[StoredArray]:
@@ -120,7 +120,7 @@ def _unpack(values: Any, attribute: Callable[[str, Any], Any]) -> np.ndarray:
     if values.dtype.kind not in "iuf":
         return values
     if values.dtype.kind == "f" and codes.dtype.kind in "iuf":
-        codes = codes.astype(values.dtype)  # rounded as they are
+        codes = codes.astype(values.dtype)  # rounded like the values
     missing = np.isin(values, codes)
     if not missing.any() and (scale, offset) == (1.0, 0.0):
         return values
@@ -130,7 +130,7 @@ def _unpack(values: Any, attribute: Callable[[str, Any], Any]) -> np.ndarray:
 def _matlab(path: Path) -> Iterator[StoredArray]:
     from scipy.io import loadmat, whosmat
 
-    check_elements(path, LARGEST)
+    check_elements(path, MAX_BYTES)
     check_size(8 * sum(prod(shape) for _, shape, _ in whosmat(path)), "arrays")
     for name, value in loadmat(path).items():
         if not name.startswith("__"):
@@ -140,11 +140,11 @@ def _matlab(path: Path) -> Iterator[StoredArray]:
 
 def check_size(n_bytes: int, contents: str = "") -> None:
     """Raise FileError if a file, or its contents, need more than 2 GiB of memory."""
-    if n_bytes > LARGEST:
+    if n_bytes > MAX_BYTES:
         of_contents = f" of {contents}" if contents else ""
         raise FileError(
-            f"{n_bytes / 1e9:.1f} GB{of_contents} are more than {LARGEST / 1e9:.1f} GB; cut it in "
-            "pieces"
+            f"{n_bytes / 1e9:.1f} GB{of_contents} are more than {MAX_BYTES / 1e9:.1f} GB; "
+            "cut it in pieces"
         )
 
 

@@ -7,7 +7,7 @@ from galloping.readers.units import ORDERS, is_same_quantity, split_header
 
 # Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
 TIMES = {"time", "zeit", "uhr", "elapsed", "temps", "tiempo", "时间"}
-NO_TIME = re.compile("altimet|[cd]entimet|[cd]ecimet|sentimet|centime")  # that contain the stem
+NO_TIME = re.compile("altimet|[cd]entimet|[cd]ecimet|sentimet|centime")  # with the stem `time`
 TIMES_LIKE_TEMPERATURE = {"temps", "tempo"}  # times in French and Italian
 TIME_WORDS = TIMES_LIKE_TEMPERATURE | {"t", "ts", "date", "datum", "sec", "seconds"}
 DIRECTIONS = {
@@ -19,14 +19,14 @@ DIRECTIONS = {
     ),
 }  # fmt: skip
 LETTERS = {"v", "w", "h"}  # a direction where the unit is a length, else perhaps a velocity
-SHORT = LETTERS | {"lat", "trans"}  # which alone may be another word, such as latitude
+SHORT_WORDS = LETTERS | {"lat", "trans"}  # which alone may be another word, such as latitude
 KINDS = (  # of a displacement, a velocity and an acceleration
     ({"displ", "auslenk", "verschieb", "位移"},
      {"disp", "weg", "position", "pos", "amplitude", "q"}),
     ({"veloc", "geschwind", "vitesse", "速度"}, {"vel", "speed"}),
     ({"accel", "beschleun", "加速"}, {"acc", "a", "av", "aw", "ah"}),
 )  # fmt: skip
-OTHERS = (  # what is recorded beside the motion in the two directions
+OTHER_QUANTITIES = (  # measured quantities other than the motion in the two directions
     {"wind", "gust", "temp", "press", "druck", "humid", "feucht", "tension", "force", "kraft",
      "batt", "record", "counter", "index", "status", "quality", "angle", "winkel", "voltage",
      "strain", "dehn", "stress", "spannung", "moment", "torque", "tilt", "neig", "rotat", "inclin",
@@ -40,13 +40,13 @@ STATE = re.compile(r"(d{0,2})q_?([vw])", re.IGNORECASE)
 DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
 
 
-def words_of(header: str) -> set[str]:
+def split_words(header: str) -> set[str]:
     """Split the name of a column into its words in lower case, without numbers and unit.
 
     Chinese 加速度, an acceleration, becomes 加速: 速度 alone is a velocity.
     """
-    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", split_header(header)[0]).replace("加速度", "加速")
-    return {word.casefold() for word in re.findall(r"[^\W\d_]+", parted)}
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", split_header(header)[0]).replace("加速度", "加速")
+    return {word.casefold() for word in re.findall(r"[^\W\d_]+", spaced)}
 
 
 def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -> bool:
@@ -55,21 +55,21 @@ def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -
 
 def is_time(header: str) -> bool:
     """Decide from its name whether a column contains times."""
-    words = words_of(header)
+    words = split_words(header)
     is_labview = split_header(header)[0] == "X_Value"
-    is_other = _has_word(words - TIMES_LIKE_TEMPERATURE, *OTHERS)
+    is_other = _has_word(words - TIMES_LIKE_TEMPERATURE, *OTHER_QUANTITIES)
     is_named = _has_word({word for word in words if not NO_TIME.search(word)}, TIMES, TIME_WORDS)
     return is_labview or (is_named and not is_other)
 
 
 def is_count(header: str) -> bool:
     """Decide from its name whether a column counts the samples."""
-    return bool(words_of(header) & COUNTS)
+    return bool(split_words(header) & COUNTS)
 
 
 def is_beside_motion(header: str) -> bool:
     """Decide from its name whether a column measures another quantity than the motion."""
-    return _has_word(words_of(header) - TIMES_LIKE_TEMPERATURE, *OTHERS)
+    return _has_word(split_words(header) - TIMES_LIKE_TEMPERATURE, *OTHER_QUANTITIES)
 
 
 def derivative_order(header: str, unit: str) -> int | None:
@@ -80,7 +80,7 @@ def derivative_order(header: str, unit: str) -> int | None:
     """
     if unit:
         return next((k for k, si in enumerate(ORDERS) if is_same_quantity(unit, si)), None)
-    words = words_of(header)
+    words = split_words(header)
     kinds = [order for order, kind in enumerate(KINDS) if _has_word(words, *kind)]
     return kinds[0] if len(kinds) == 1 else 0
 
@@ -102,7 +102,7 @@ def measured_quantity(header: str, unit: str = "") -> str:
     if not axis or len(kinds) > 1 or (unit and not orders) or is_contradicted:
         return ""
     if not kinds and (
-        (word in SHORT and orders == [1]) or (word in SHORT - LETTERS and not orders)
+        (word in SHORT_WORDS and orders == [1]) or (word in SHORT_WORDS - LETTERS and not orders)
     ):
         return ""
     return "d" * (kinds or orders or [0])[0] + "q_" + axis
@@ -116,7 +116,7 @@ def quantity_by_name_alone(header: str, unit: str = "") -> str:
         not (own_unit or unit)
         or measured_quantity(header, unit)
         or not axis
-        or (word in SHORT and not kinds)
+        or (word in SHORT_WORDS and not kinds)
     ):
         return ""
     return measured_quantity(name)
@@ -150,12 +150,12 @@ def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:
     The direction is `v` or `w`, '' if it is unclear; then come the orders of derivatives, and the
     weakest word for the direction: a letter, a short word, or '' for a plain one.
     """
-    words = words_of(header)
+    words = split_words(header)
     axes = [axis for axis, (stems, whole) in DIRECTIONS.items() if _has_word(words, stems, whole)]
-    if len(axes) != 1 or _has_word(words, *OTHERS):
+    if len(axes) != 1 or _has_word(words, *OTHER_QUANTITIES):
         return "", [], ""
     stems, whole = DIRECTIONS[axes[0]]
-    is_plain = _has_word(words, stems, whole - SHORT)
+    is_plain = _has_word(words, stems, whole - SHORT_WORDS)
     weakest = "" if is_plain else min(words & whole, key=lambda word: (word in LETTERS, word))
     has_kind = {word for word in words if len(word) > 1 or not unit}  # A may number a sensor
     kinds = [order for order, kind in enumerate(KINDS) if _has_word(has_kind, *kind)]

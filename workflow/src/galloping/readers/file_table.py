@@ -18,18 +18,18 @@ import numpy as np
 import pandas as pd
 
 from galloping.fields import list_first
-from galloping.readers import MOST_NAMES, FileError
+from galloping.readers import MAX_NAMES, FileError
 from galloping.readers.array_files import READERS, arrays_in, check_size
 from galloping.readers.columns import DATED
-from galloping.readers.layout import DECIMAL_COMMA, SAY_DECIMAL, THOUSANDS
+from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_HINT, THOUSANDS
 from galloping.readers.text_table import read_text
-from galloping.readers.units import NONE, UnitError, is_scaled, split_header
+from galloping.readers.units import EMPTY, UnitError, is_scaled, split_header
 
 Converted = TypeVar("Converted")
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), ".xlsx"  # of files that are read
-MOST_CELLS = 50_000_000  # of a sheet of Excel
-MOST_TEXT = 100_000_000  # characters of a column
-LONGEST = 60  # characters of a name in a message
+MAX_CELLS = 50_000_000  # of a sheet of Excel
+MAX_CHARACTERS = 100_000_000  # characters of a column
+MAX_SHOWN = 60  # characters of a name in a message
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class FileTable:
         """Whether the file has no row of names, so that columns are named by numbers."""
         return list(self.columns) == [str(k + 1) for k in range(len(self.columns))]
 
-    def at(self, name: str) -> str:
+    def label(self, name: str) -> str:
         """Format the file and column name, with which an error message begins."""
         return f"{self.path}: column {name!r}"
 
@@ -65,14 +65,14 @@ class FileTable:
     def content(self) -> str:
         """Text that lists the file's columns with their units, and its other contents."""
         columns = [
-            f"{name!r:.{LONGEST}}" + (f" [{unit:.{LONGEST}}]" if (unit := self.unit(name)) else "")
+            f"{name!r:.{MAX_SHOWN}}" + f" [{self.unit(name):.{MAX_SHOWN}}]" * bool(self.unit(name))
             for name in self.columns
         ]
         others = _list_shapes(self.others)
-        others += [f"{name:.{LONGEST}} = {value:g}" for name, value in self.scalars.items()]
-        text = list_first(columns, MOST_NAMES)
+        others += [f"{name:.{MAX_SHOWN}} = {value:g}" for name, value in self.scalars.items()]
+        text = list_first(columns, MAX_NAMES)
         if others:
-            text += f"; each must be a vector of its own, unlike {list_first(others, MOST_NAMES)}"
+            text += f"; each must be a vector of its own, unlike {list_first(others, MAX_NAMES)}"
         return text
 
     def column(self, name: str) -> np.ndarray:
@@ -82,7 +82,7 @@ class FileTable:
         """
         bare, _ = split_header(name)
         if bare not in self.columns:
-            raise FileError(f"{self.path}: no column {bare!r:.{LONGEST}}; it has {self.content}")
+            raise FileError(f"{self.path}: no column {bare!r:.{MAX_SHOWN}}; it has {self.content}")
         if bare in self.unclear:
             raise FileError(
                 f"{self.path}: two columns are named {bare!r}, with other samples; give each a "
@@ -99,22 +99,22 @@ class FileTable:
     ) -> Converted:
         """Apply a function, such as a conversion to SI, to the unit of a column.
 
-        It is the specified unit, or that of the file, which must not differ. The specified unit has
-        priority if it is `1`, which leaves numbers unchanged, and if the file has no name of a
-        unit, such as `counts`. Raises FileError.
+        The unit is the specified one, or else that of the file. If both are given, they must agree,
+        unless the specified one is `1`, which leaves numbers unchanged, or the text in the file is
+        no unit, such as `counts`. Raises FileError.
         """
-        own = self.unit(name).split(" since ")[0]
+        stated = self.unit(name).split(" since ")[0]
         try:
-            if not specified and is_scaled(own):  # as `50 mm`, which may be the range of a sensor
-                raise UnitError(f"unit {own!r:.60} is a number of units; say what one count is")
-            converted = convert(specified or own)
+            if not specified and is_scaled(stated):  # `50 mm` may be the range of a sensor
+                raise UnitError(f"unit {stated!r:.60} is a number of units; say what one count is")
+            converted = convert(specified or stated)
         except UnitError as error:
-            raise FileError(f"{self.at(name)}: {error}") from error
+            raise FileError(f"{self.label(name)}: {error}") from error
         with suppress(UnitError):
-            if specified not in (None, "1") and own and convert(own) != converted:
+            if specified not in (None, "1") and stated and convert(stated) != converted:
                 raise FileError(
-                    f"{self.at(name)} is in {own} by the file and in {specified} by the mapping; "
-                    "must be the same"
+                    f"{self.label(name)} is in {stated} by the file and in {specified} by the "
+                    "mapping; must be the same"
                 )
         return converted
 
@@ -136,19 +136,19 @@ class FileTable:
         else:
             numbers = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(float)
             for row in np.flatnonzero(np.isnan(numbers) & ~pd.isna(values)):
-                raise self.fault(int(row), name, "is not a number")
+                raise self.cell_error(int(row), name, "is not a number")
         for row in np.flatnonzero(np.abs(numbers) > 1e100):  # infinities, too
-            raise self.fault(int(row), name, "is no measurement")
+            raise self.cell_error(int(row), name, "is no measurement")
         return numbers
 
-    def fault(self, row: int, name: str, what: str) -> FileError:
+    def cell_error(self, row: int, name: str, what: str) -> FileError:
         """Make the FileError for a faulty cell, whose message names file, row and column.
 
         row: index of the cell. what: the fault.
         """
         cell = self.column(name)[row]
         value = repr(str(cell) if isinstance(cell, str) else float(cell))[:60]
-        hint = f"; {SAY_DECIMAL}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
+        hint = f"; {DECIMAL_HINT}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
         if THOUSANDS.fullmatch(str(cell)):
             hint += ", without the comma if it separates thousands"
         if split_header(str(cell))[0] == name:
@@ -165,9 +165,9 @@ def read_table(
 
     The suffix of the file gives its format: .csv .txt .tsv .dat .asc .lvm .xlsx .parquet .h5 .hdf5
     .nc .mat. decimal: the decimal mark of text tables. time: the column of times, by which
-    their header differs from lines above it. If these are None, the rows determine them. rows: of
-    text, at most. The `unit` of fields in a `datapackage.json` beside a file (Frictionless Data)
-    counts as the file's own. Raises FileError.
+    their header differs from lines above it. If these are None, the rows determine them. rows: most
+    rows of a text table that are read. The `unit` of fields in a `datapackage.json` beside a file
+    (Frictionless Data) counts as the file's own. Raises FileError.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -213,15 +213,15 @@ def _make_table(
     content: list[tuple],
     first_row: int,
     notes: tuple[str, ...] = (),
-    scalars: Mapping[str, float] = NONE,
-    others: Mapping[str, str] = NONE,
+    scalars: Mapping[str, float] = EMPTY,
+    others: Mapping[str, str] = EMPTY,
 ) -> FileTable:
     """Assemble a table. content: header, values and unit, or None, of each column."""
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     unclear: set[str] = set()
     for header, values, unit in content:
-        name, own = split_header(printable(header))
+        name, unit_in_header = split_header(printable(header))
         if name in columns:
             if pd.Series(values).equals(pd.Series(columns[name])):
                 notes += (f"column {name!r} is there twice, with the same samples",)
@@ -229,8 +229,8 @@ def _make_table(
                 unclear.add(name)
             continue
         columns[name] = values
-        if unit or own:
-            units[name] = printable(unit or own)
+        if unit or unit_in_header:
+            units[name] = printable(unit or unit_in_header)
     notes = tuple(map(printable, notes))
     return FileTable(path, columns, units, first_row, notes, frozenset(unclear), scalars, others)
 
@@ -281,8 +281,8 @@ def _read_rows(sheet) -> list[tuple]:
     rows, count = [], 0
     for row in sheet.iter_rows(values_only=True):
         count += len(row)
-        if count > MOST_CELLS:
-            raise FileError(f"sheet {sheet.title!r} has more than {MOST_CELLS} cells")
+        if count > MAX_CELLS:
+            raise FileError(f"sheet {sheet.title!r} has more than {MAX_CELLS} cells")
         rows.append(row)
     while rows and all(cell is None for cell in rows[-1]):
         rows.pop()
@@ -309,7 +309,7 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
         scalars = {
             printable(n): float(x) for n, x in single.items() if isinstance(x, Real | Decimal)
         }
-    contents = list_first(_list_shapes(others), MOST_NAMES)
+    contents = list_first(_list_shapes(others), MAX_NAMES)
     if not vectors:
         more = "; save the fields of a structure by save -struct" if suffix == ".mat" else ""
         raise FileError(
@@ -321,14 +321,14 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
 
 
 def _list_shapes(arrays: Mapping[str, str]) -> list[str]:
-    return [f"{name:.{LONGEST}} ({shape})" for name, shape in arrays.items()]
+    return [f"{name:.{MAX_SHOWN}} ({shape})" for name, shape in arrays.items()]
 
 
 def _is_plain(values: np.ndarray) -> bool:
     """Decide whether a vector begins with a number or a text, and has no excessively long texts."""
     length = sum(len(x) for x in values if isinstance(x, str)) if values.dtype.kind == "O" else 0
     is_plain = all(isinstance(x, str | Number | None) for x in values[:1].tolist())
-    return is_plain and length <= MOST_TEXT
+    return is_plain and length <= MAX_CHARACTERS
 
 
 def _read_described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:

@@ -6,20 +6,20 @@ from shlex import quote
 
 import numpy as np
 
-from galloping.readers.columns import words_of
+from galloping.readers.columns import split_words
 from galloping.readers.units import is_same_quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 GRAVITIES = {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2, "g": STANDARD_GRAVITY,
              "mg": 1e-3 * STANDARD_GRAVITY}  # fmt: skip
-CLOSE = 0.03  # to gravity, the mean of an accelerometer that feels it
-LARGEST = 20.0  # m, from the lowest to the highest point of a span that gallops
+GRAVITY_TOLERANCE = 0.03  # relative, of the mean of an accelerometer that measures gravity
+MAX_SPAN_MOTION = 20.0  # m, from the lowest to the highest point of a span that gallops
 SINCE_1970 = 3.2e8, 4.1e9  # s, from 1980 to 2100
 # The same in days: since 1900 as of spreadsheets, and since the year 0 as of MATLAB.
-IN_DAYS = ((29_221, 73_051), (723_181, 767_011))
-STEPS = 1e-5, 10.0  # s, between samples
+DATES_IN_DAYS = ((29_221, 73_051), (723_181, 767_011))
+MIN_STEP, MAX_STEP = 1e-5, 10.0  # s, between samples
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
-WINDS = {"wind", "gust", "u", "speed"}
+WIND_WORDS = {"wind", "gust", "u", "speed"}
 
 
 def unit_in_name(name: str, wanted: str) -> str:
@@ -60,9 +60,9 @@ def likely_time_unit(times: np.ndarray) -> str:
     for unit, size in TIME_UNITS.items():
         if SINCE_1970[0] <= first * size <= SINCE_1970[1] and unit != "d":
             return unit
-    if any(low <= first <= high for low, high in IN_DAYS) and step * 86_400.0 <= STEPS[1]:
+    if any(low <= first <= high for low, high in DATES_IN_DAYS) and step * 86_400.0 <= MAX_STEP:
         return "d"
-    plausible = (unit for unit, size in TIME_UNITS.items() if STEPS[0] <= step * size <= STEPS[1])
+    plausible = (unit for unit, size in TIME_UNITS.items() if MIN_STEP <= step * size <= MAX_STEP)
     return next(plausible, "s")
 
 
@@ -76,18 +76,18 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
         return "m/s"
     if order == 0:
         known = values[np.isfinite(values)]
-        return "mm" if len(known) and np.ptp(known) > LARGEST else "m"
+        return "mm" if len(known) and np.ptp(known) > MAX_SPAN_MOTION else "m"
     for one in (values, *alike):
         mean = abs(np.nanmean(one)) if np.isfinite(one).any() else 0.0
         unit = min(GRAVITIES, key=lambda unit: abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0))
-        if abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0) < CLOSE:
+        if abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE:
             return unit
     return "m/s^2"
 
 
 def likely_input_unit(name: str) -> str:
     """Guess the unit of an input from its name: of a wind m/s, else `1` (no conversion)."""
-    return (unit_in_name(name, "m/s") or "m/s") if words_of(name) & WINDS else "1"
+    return (unit_in_name(name, "m/s") or "m/s") if split_words(name) & WIND_WORDS else "1"
 
 
 def measure_option(target: str, column: str, unit: str = "") -> str:

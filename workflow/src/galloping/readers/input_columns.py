@@ -10,7 +10,7 @@ from galloping.readers.file_table import FileTable
 from galloping.readers.mapping import InputColumn
 from galloping.recording.samples import BETWEEN, INTERPOLATED, Input
 
-HELD = 2  # rows, that a logger repeats a slower sample for at least
+MIN_ROWS_PER_SAMPLE = 2  # of a slower instrument, whose samples a logger repeats
 
 
 def read_inputs(
@@ -28,7 +28,7 @@ def read_inputs(
     for column, samples in zip(columns, values.T, strict=True):
         known = samples[np.isfinite(samples)]
         if len(known) < 2:
-            raise FileError(f"{table.at(column.column)} has {len(known)} samples")
+            raise FileError(f"{table.label(column.column)} has {len(known)} samples")
         kinds = {kind: _make_input(column, time, samples, kind) for kind in BETWEEN}
         likely = column.between or ("zero" if _is_staircase(known) else "cubic")
         others = () if column.between else tuple(kinds[kind] for kind in BETWEEN if kind != likely)
@@ -39,7 +39,7 @@ def read_inputs(
 def _make_input(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
     """Make an input with one kind of interpolation. values: (n,), NaN if missing."""
     known = np.flatnonzero(np.isfinite(values))
-    if between != "zero" and held_rows(values[known]) > 1:
+    if between != "zero" and count_rows_per_sample(values[known]) > 1:
         known = known[np.append(True, np.diff(values[known]) != 0)]
     steps = np.diff(time[known])
     kept = np.zeros(len(values), bool)
@@ -60,12 +60,12 @@ def _is_staircase(values: np.ndarray) -> bool:
     return stays and len(jumps) > 0 and np.mean(jumps**2) > np.var(changes)
 
 
-def held_rows(values: np.ndarray) -> int:
+def count_rows_per_sample(values: np.ndarray) -> int:
     """Determine in how many rows a logger repeats each sample of a slower instrument.
 
     It is 1 if values (n,) are not constant for a fixed number of rows.
     """
     runs = np.diff(np.flatnonzero(np.append(True, np.diff(values) != 0)))
-    if len(runs) < HELD or (usual := np.median(runs)) < HELD:
+    if len(runs) < MIN_ROWS_PER_SAMPLE or (usual := np.median(runs)) < MIN_ROWS_PER_SAMPLE:
         return 1
     return int(usual) if np.mean(runs % usual == 0) > 0.9 else 1

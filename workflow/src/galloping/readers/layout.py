@@ -7,27 +7,27 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from galloping.fields import list_first
-from galloping.readers import MOST_NAMES, FileError
+from galloping.readers import MAX_NAMES, FileError
 from galloping.readers.columns import is_time, measured_quantity
 from galloping.readers.units import is_unit, split_header
 
-MARKS = (";", "\t", ",", None)  # between columns, None white space; a comma may be a decimal one
+SEPARATORS = (";", "\t", ",", None)  # None is white space; a comma may be a decimal mark
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
 COMMENTS = ("#", "%")
-THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma: nothing tells
-INSTANT = re.compile(  # a date or a time of a day, whose end is free but for marks
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a number with a decimal comma
+INSTANT = re.compile(  # a date or a time of a day; any text without a separator may follow
     r"(\d+[-/.:]\d+[-/.:]|\d\d?[- ][A-Za-z]{3}[- ]\d)\d[^,;\t]*(,\d+)?"
 )
-SAY_DECIMAL = "with a decimal comma say --decimal , (decimal: ',' in a mapping)"
-MOST_COLUMNS = 10_000
-MOST_JOINED = 8  # lines of one quoted cell
-ENOUGH_ROWS = 3  # of numbers in a row: fewer may stand above the header, such as numbers of markers
-# The first cell of a row about the columns, where that is not a column itself.
+DECIMAL_HINT = "with a decimal comma say --decimal , (decimal: ',' in a mapping)"
+MAX_COLUMNS = 10_000
+MAX_JOINED_LINES = 8  # lines of one quoted cell
+MIN_DATA_ROWS = 3  # in succession: fewer may precede the header, such as numbers of markers
+# First cells that say what a row above the numbers contains, and belong to no column.
 LABELS = {"name", "names", "channel", "channels", "kanal", "signal", "label", "sensor", "title"}
 UNITS_LABEL = re.compile(r"(?:[xy]_)?(?:unit|einheit)\w*\W*", re.IGNORECASE)
-OF_LOGGER = {"ts", "rn"}  # Campbell's units of time stamps and record numbers
-OF_TIMES = {"s", "ms", "us", "µs", "ns", "sec"}  # as a row of units begins; `min` may be a minimum
+LOGGER_UNITS = {"ts", "rn"}  # Campbell's units of time stamps and record numbers
+SHORT_TIME_UNITS = {"s", "ms", "us", "µs", "ns", "sec"}  # `min` may be a minimum
 REMARKS = {"comment", "comments", "remark", "kommentar", "bemerkung"}  # columns that may be empty
 
 
@@ -65,8 +65,8 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     if not plain:
         raise FileError("no header")
     separator, columns = _find_separator(rows, plain, decimal)
-    if columns > MOST_COLUMNS:
-        raise FileError(f"{columns} columns are more than {MOST_COLUMNS}")
+    if columns > MAX_COLUMNS:
+        raise FileError(f"{columns} columns are more than {MAX_COLUMNS}")
     cells = {k: _split_row(rows[k], separator, columns) for k in written}
     whole = [k for k in plain if len(cells[k]) == columns]
     notes = []
@@ -80,7 +80,9 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     empty = [not any(row[j] for row in data) for j in range(columns)] if data else []
     is_numbered = [row[0] for row in data] == [str(k + 1) for k in range(len(data))]
     fitted = {
-        k: row for k in above if (row := _fit(cells[k], columns, empty, is_numbered)) is not None
+        k: row
+        for k in above
+        if (row := _fit_row(cells[k], columns, empty, is_numbered)) is not None
     }
     units_row = _find_units(fitted, cells)
     candidates = {
@@ -96,9 +98,9 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     else:
         names = candidates[header]
         first = header + 1 if first is None else first
-    passed = [starts[k] + 1 for k in plain if k < first and k not in (header, units_row)]
-    if passed:
-        notes.append(f"rows before the data were left out: {len(passed)}, from row {passed[0]} on")
+    unused = [starts[k] + 1 for k in plain if k < first and k not in (header, units_row)]
+    if unused:
+        notes.append(f"rows before the data were left out: {len(unused)}, from row {unused[0]} on")
     units: list[str | None] = [None] * columns
     if units_row is not None and units_row != header:
         units = _read_units(fitted[units_row])
@@ -126,13 +128,13 @@ def _split_row(row: str, separator: str | None, columns: int) -> list[str]:
 def _join_quoted(lines: list[str]) -> tuple[list[str], list[int]]:
     """Join the lines of cells in quotes; return the rows and the index of the first line of each.
 
-    A quotation mark that is not closed within MOST_JOINED lines is a normal character.
+    A quotation mark that is not closed within MAX_JOINED_LINES lines is a normal character.
     """
     rows, starts, k = [], [], 0
     while k < len(lines):
         row, end = lines[k], k + 1
         if row.count('"') % 2:
-            for until in range(k + 2, min(k + MOST_JOINED, len(lines)) + 1):
+            for until in range(k + 2, min(k + MAX_JOINED_LINES, len(lines)) + 1):
                 joined = " ".join(lines[k:until])
                 if joined.count('"') % 2 == 0:
                     row, end = joined, until
@@ -152,7 +154,7 @@ def _find_separator(
     the first whole row is a header. `csv.Sniffer` would choose decimal commas.
     """
     candidates = []
-    for place, separator in enumerate(MARKS):
+    for place, separator in enumerate(SEPARATORS):
         if separator is not None and separator == decimal:
             continue
         split = [split_cells(rows[k], separator) for k in plain]
@@ -209,8 +211,8 @@ def _find_first_row(
 ) -> int | None:
     """Find the index of the first row of data, None if there is none.
 
-    It begins the first run of ENOUGH_ROWS rows that begin with a number or, if there is none, that
-    hold mostly numbers; else the longest run.
+    It is the first of MIN_DATA_ROWS successive rows that begin with a number or, if there are none,
+    that contain mostly numbers; else the first of the longest run.
     """
     longest = []
     for is_data in (_is_data, _is_mostly_numbers):
@@ -220,14 +222,14 @@ def _find_first_row(
                 runs[-1].append(k)
             elif runs[-1]:
                 runs.append([])
-        long_run = next((run for run in runs if len(run) >= ENOUGH_ROWS), None)
+        long_run = next((run for run in runs if len(run) >= MIN_DATA_ROWS), None)
         if long_run:
             return long_run[0]
         longest.append(max(runs, key=len))
     return longest[0][0] if longest[0] else None
 
 
-def _fit(
+def _fit_row(
     row: Sequence[str], columns: int, empty: Sequence[bool], is_numbered: bool
 ) -> list[str] | None:
     """Extract one cell per column from a row above the numbers; None if they do not fit.
@@ -273,10 +275,10 @@ def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]])
         filled = [bare for cell in fitted[k] if (bare := cell.strip("[]()"))]
         if any(split_header(cell)[1] and not is_unit(cell) for cell in fitted[k]):
             return False
-        if filled and filled[0] in OF_TIMES:
+        if filled and filled[0] in SHORT_TIME_UNITS:
             return True
-        n_units = sum(is_unit(cell) or cell.casefold() in OF_LOGGER for cell in filled)
-        return _count_known(fitted[k]) < len(filled) <= 2 * n_units
+        n_units = sum(is_unit(cell) or cell.casefold() in LOGGER_UNITS for cell in filled)
+        return _count_known_names(fitted[k]) < len(filled) <= 2 * n_units
 
     return next((k for k in sorted(fitted, reverse=True) if is_units(k)), None)
 
@@ -290,12 +292,12 @@ def _fill_names(names: Sequence[str], above: Sequence[str]) -> list[str]:
     """Fill cells without a name, or with a unit of times, from known names in the row above."""
     filled = list(names)
     for j, (own, upper) in enumerate(zip(names, above, strict=False)):
-        if own in OF_TIMES | {""} and _count_known([upper]):
+        if own in SHORT_TIME_UNITS | {""} and _count_known_names([upper]):
             filled[j] = f"{upper} [{own}]" if own else upper
     return filled
 
 
-def _count_known(row: Sequence[str]) -> int:
+def _count_known_names(row: Sequence[str]) -> int:
     """Count the different cells of a row that a reader knows as names of columns."""
     return sum(
         bool(is_time(cell) or measured_quantity(cell) or split_header(cell)[1]) for cell in set(row)
@@ -315,7 +317,7 @@ def _find_header(
         name = split_header(time)[0]
         named = [k for k, row in candidates.items() if name in (split_header(c)[0] for c in row)]
         if named:
-            return max(named, key=lambda k: _count_known(candidates[k]))
+            return max(named, key=lambda k: _count_known_names(candidates[k]))
     text = {
         k: row for k, row in candidates.items() if not any(_is_number(c, decimal) for c in row if c)
     } or {k: row for k, row in candidates.items() if not _is_data(row, decimal)}
@@ -326,10 +328,10 @@ def _find_header(
         kept = "\n".join(row).rstrip("\n").split("\n")
         return len(set(kept)) == len(kept)
 
-    known = {k: _count_known(row) for k, row in text.items()}
+    known = {k: _count_known_names(row) for k, row in text.items()}
     best = max(text, key=lambda k: (known[k] > 1, differs(text[k]), known[k], k))
     if len(text) > 1 and not differs(text[best]) and known[best] < 2:
-        rows = list_first([str(starts[k] + 1) for k in text], MOST_NAMES)
+        rows = list_first([str(starts[k] + 1) for k in text], MAX_NAMES)
         raise FileError(
             f"rows {rows} look like names of columns, and each has cells that are alike; keep one "
             "of them, with a name of its own for each column"
@@ -349,7 +351,7 @@ def _check_headless(
     if len(above) < 2 or rows[first - 1].startswith(COMMENTS):
         return
     halved = separator == "," and columns == 2 * len(above)
-    hint = f"; {SAY_DECIMAL}, and another separator between columns" if halved else ""
+    hint = f"; {DECIMAL_HINT}, and another separator between columns" if halved else ""
     raise FileError(
         f"row {starts[first - 1] + 1}, the header, has {len(above)} cells, row {starts[first] + 1} "
         f"has {columns}{hint}"

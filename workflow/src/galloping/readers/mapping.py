@@ -10,10 +10,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from galloping.configuration.yaml_file import read
 from galloping.model.terms import parse_known, parse_library
 from galloping.readers.file_table import read_table
-from galloping.readers.proposal import ROWS, Proposal, propose, states_of
+from galloping.readers.proposal import PROPOSAL_ROWS, Proposal, list_states, propose
 from galloping.readers.units import split_header
 
-FAULTS = {  # where pydantic speaks of Python's types
+PROBLEM_TEXTS = {  # instead of messages of pydantic that name types of Python
     "extra_forbidden": "there is no such key",
     "tuple_type": "must be a list",
     "model_type": "must be a section of keys",
@@ -22,7 +22,7 @@ FAULTS = {  # where pydantic speaks of Python's types
     "float_parsing": "must be a number",
     "string_type": "must be text",
 }
-MOST_LINES = 3  # of problems
+MAX_PROBLEMS = 3  # of problems
 NAME = re.compile(r"[^\W\d]\w*")
 PERCENT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%\s*")
 NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -90,7 +90,7 @@ class InputColumn(_Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _in_full(cls, given: object) -> object:
+    def _expand_text(cls, given: object) -> object:
         """Expand a text to the name of a column, and convert an error in percent."""
         keys = {"column": given} if isinstance(given, str) else given
         if not isinstance(keys, dict):
@@ -105,11 +105,11 @@ class InputColumn(_Section):
 class ColumnMapping(_Section):
     """Description of which columns of a file are times, states and inputs, with their units.
 
-    time: the column of times, or with a `rate`, samples per second, that which counts samples;
-    without one every row is a sample. states: of the system; a state named dX is the rate of X.
-    inputs: that drive it. span: m, if channels have positions. decimal: the decimal mark of text
-    files, by default found from their rows. library, known, random_force: as the command's options
-    of these names.
+    time: the column of times. With a `rate`, samples per second, it is the column that counts
+    samples; without such a column every row is a sample. states: of the system; a state named dX is
+    the rate of X. inputs: that drive it. span: m, if channels have positions. decimal: the decimal
+    mark of text files, by default found from their rows. library, known, random_force: as the
+    command's options of these names.
     """
 
     time: TimeColumn | None = None
@@ -124,7 +124,7 @@ class ColumnMapping(_Section):
     decimal: Literal[".", ","] | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> "ColumnMapping":
+    def _check_consistency(self) -> "ColumnMapping":
         inputs = self.input_names
         for section, names in (("states", self.states), ("inputs", inputs)):
             for name in names:
@@ -165,10 +165,10 @@ class ColumnMapping(_Section):
             parse_library(self.library, self.states, inputs)
         for text in self.known:
             parse_known(text, self.states, inputs)
-        self.check_forced(self.random_force, "random_force")
+        self.check_random_force(self.random_force, "random_force")
         return self
 
-    def check_forced(self, names: Sequence[str], key: str) -> None:
+    def check_random_force(self, names: Sequence[str], key: str) -> None:
         """Raise ValueError unless the coordinates under random forces are states, or `all`.
 
         key: the option or key that names them, for the message.
@@ -221,8 +221,8 @@ def validate_mapping(content: object) -> ColumnMapping:
     lines = [
         _describe_problem(problem) for place, problem in problems.items() if place not in inner
     ]
-    more = [f"and {len(lines) - MOST_LINES} more problems"] if len(lines) > MOST_LINES else []
-    raise MappingError("\n".join([*lines[:MOST_LINES], *more]))
+    more = [f"and {len(lines) - MAX_PROBLEMS} more problems"] if len(lines) > MAX_PROBLEMS else []
+    raise MappingError("\n".join([*lines[:MAX_PROBLEMS], *more]))
 
 
 def _describe_problem(problem: Mapping[str, Any]) -> str:
@@ -232,7 +232,7 @@ def _describe_problem(problem: Mapping[str, Any]) -> str:
         return f"{place}: {message}" if place else message
     if problem["type"] == "missing":
         return f"{place}: is missing"
-    message = FAULTS.get(problem["type"]) or message.replace("Input should", "must")
+    message = PROBLEM_TEXTS.get(problem["type"]) or message.replace("Input should", "must")
     return f"{place or 'mapping'}: {problem['input']!r:.60}: {message}"
 
 
@@ -247,7 +247,7 @@ def read_mapping(path: str | Path) -> ColumnMapping:
         raise MappingError(f"{path}: {error}") from error
 
 
-def channel_of(text: str) -> dict:
+def parse_channel(text: str) -> dict:
     """Parse a text such as `q_v=mid[mm]@150` (state, column, unit, position) to a dict.
 
     Unit and position are optional. Returns plain values. Raises MappingError if the text has
@@ -266,7 +266,7 @@ def channel_of(text: str) -> dict:
     return {key: value.strip() for key, value in channel.items() if value}
 
 
-def input_of(text: str, between: str | None = None) -> dict:
+def parse_input(text: str, between: str | None = None) -> dict:
     """Parse a text such as `U=wind[m/s] +- 2 %` (input, column, unit, error) to a dict.
 
     All but the name of the input are optional. Returns plain values. Raises MappingError if the
@@ -291,10 +291,10 @@ def _split_units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
     for_all, *more = [text for text in texts if "=" not in text] or [""]
     if more:
         raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
-    return _by_column("unit", [text for text in texts if "=" in text]), for_all or None
+    return _parse_by_column("unit", [text for text in texts if "=" in text]), for_all or None
 
 
-def _by_column(option: str, texts: Sequence[str]) -> dict[str, str]:
+def _parse_by_column(option: str, texts: Sequence[str]) -> dict[str, str]:
     """Map the name of each column to the text in `COLUMN=TEXT`, values of an option."""
     by_column = dict(text.partition("=")[::2] for text in texts)
     if len(by_column) < len(texts):
@@ -305,14 +305,14 @@ def _by_column(option: str, texts: Sequence[str]) -> dict[str, str]:
 def propose_mapping(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
     """Read a file, and propose what each column measures, from the names of the columns.
 
-    options: as of `mapping_of`. taken: columns of other quantities than the motion.
+    options: as of `determine_mapping`. taken: columns of other quantities than the motion.
     """
     time = options["time_column"]
-    table = read_table(file, options["decimal"], time, ROWS)
+    table = read_table(file, options["decimal"], time, PROPOSAL_ROWS)
     return propose(table, *_split_units(options["units"]), time, taken, options["rate"])
 
 
-def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
+def determine_mapping(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
     """Determine what the columns of a file are from command-line options, else from their names.
 
     options: all of the command's options for columns, by name, None or () if they are not given.
@@ -322,8 +322,8 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
         if any(given not in (None, ()) for name, given in options.items() if name != "map_file"):
             raise MappingError("--map stands alone: leave out all other options of columns")
         return read_mapping(options["map_file"]), ""
-    channels = [channel_of(text) for text in options["measures"]]
-    driving = [input_of(text, options["between"]) for text in options["inputs"]]
+    channels = [parse_channel(text) for text in options["measures"]]
+    driving = [parse_input(text, options["between"]) for text in options["inputs"]]
     by_column, for_all = _split_units(options["units"])
     proposal = propose_mapping(file, options, [one["column"] for one in driving])
     proposal.check_sure(file, [proposal.clock])
@@ -334,9 +334,9 @@ def mapping_of(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, st
     if for_all:
         channels = [{"unit": for_all, **channel} for channel in channels]
     time = dict(proposal.time) if proposal.time else None
-    _set_columns("unit", by_column, [*([time] if time else []), *channels, *driving])
-    _set_columns("noise", _by_column("noise", options["noises"]), channels)
-    _set_columns("delay", _by_column("delay", options["delays"]), [*channels, *driving])
+    _set_for_columns("unit", by_column, [*([time] if time else []), *channels, *driving])
+    _set_for_columns("noise", _parse_by_column("noise", options["noises"]), channels)
+    _set_for_columns("delay", _parse_by_column("delay", options["delays"]), [*channels, *driving])
     content = {"time": time, "states": states, "channels": channels, "inputs": driving}
     content |= {key: options[key] for key in ("decimal", "span", "rate")}
     return validate_mapping(content), reading
@@ -351,16 +351,16 @@ def _choose_channels(
     ValueError if names of columns must determine the channels, and do not.
     """
     if channels:
-        return states or states_of(one["measures"] for one in channels), channels, ""
+        return states or list_states(one["measures"] for one in channels), channels, ""
     named = [name for name in states if name in proposal.columns]
     if named and all(name in named or name[1:] in named for name in states):
         return states, [{"column": name, "measures": name} for name in named], ""
-    if set(states) <= set(states_of(("q_v", "q_w"))):
+    if set(states) <= set(list_states(("q_v", "q_w"))):
         return states or proposal.states, proposal.sure_channels(file), f"{file}: {proposal}"
     return states, [{"column": name, "measures": name} for name in states], ""
 
 
-def _set_columns(key: str, values: Mapping[str, str], columns: Sequence[dict]) -> None:
+def _set_for_columns(key: str, values: Mapping[str, str], columns: Sequence[dict]) -> None:
     """Set `key` of columns, in place, to the values of an option, by name.
 
     Raises MappingError for the name of none of the columns.

@@ -10,8 +10,8 @@ from pathlib import Path
 
 HEADER = 128  # bytes
 MATRIX, COMPRESSED = 14, 15
-VALUES = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18}  # numbers and texts
-DEEPEST = 32  # arrays within each other
+VALUE_TYPES = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18}  # numbers and texts
+MAX_DEPTH = 32  # of nested arrays
 
 
 def check_elements(path: Path, largest: int) -> None:
@@ -26,24 +26,24 @@ def check_elements(path: Path, largest: int) -> None:
 
 
 def _check(content: memoryview, order: str, largest: int, depth: int) -> None:
-    if depth > DEEPEST:
-        raise ValueError(f"arrays more than {DEEPEST} deep")
-    place = 0
-    while place + 8 <= len(content):
-        kind, size = struct.unpack_from(f"{order}II", content, place)
-        place += 8
+    if depth > MAX_DEPTH:
+        raise ValueError(f"arrays more than {MAX_DEPTH} deep")
+    offset = 0
+    while offset + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, offset)
+        offset += 8
         if kind >> 16:  # a small element, within its tag
-            kind, size, end = kind & 0xFFFF, 0, place
+            kind, size, end = kind & 0xFFFF, 0, offset
         else:
-            end = place + size + (-size % 8 if kind != COMPRESSED else 0)
-        if place + size > len(content):
-            raise ValueError(f"an element of {size} bytes where {len(content) - place} are left")
-        inner = content[place : place + size]
+            end = offset + size + (-size % 8 if kind != COMPRESSED else 0)
+        if offset + size > len(content):
+            raise ValueError(f"an element of {size} bytes where {len(content) - offset} are left")
+        inner = content[offset : offset + size]
         if kind == COMPRESSED:
             unpacked = zlib.decompressobj().decompress(inner, largest)
             _check(memoryview(unpacked), order, largest, depth + 1)
         elif kind == MATRIX:
             _check(inner, order, largest, depth + 1)
-        elif kind not in VALUES:
+        elif kind not in VALUE_TYPES:
             raise ValueError(f"an element of type {kind}")
-        place = end
+        offset = end

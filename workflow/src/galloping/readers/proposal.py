@@ -15,7 +15,7 @@ from galloping.readers.columns import (
     is_time,
     measured_quantity,
     quantity_by_name_alone,
-    words_of,
+    split_words,
 )
 from galloping.readers.file_table import FileTable
 from galloping.readers.hints import likely_unit, measure_option, unit_in_name, unit_options
@@ -31,8 +31,8 @@ from galloping.readers.units import (
     unit_suffix,
 )
 
-ROWS = 2000  # of a text file, that its columns are told from
-APART = 0.01  # of their length, by which the times of two clocks may differ
+PROPOSAL_ROWS = 2000  # of a text file, from which the columns are interpreted
+CLOCK_TOLERANCE = 0.01  # relative difference of the durations of two clocks
 AXES = [{axis, f"d{axis}", f"a{axis}", f"acc{axis}"} for axis in "zy"]  # upward, then across
 RATES = {"fs", "fsamp", "rate", "samplerate", "samplingrate", "framerate", "fps", "hz"}
 INTERVALS = {"dt", "ts", "interval"}  # s, between samples
@@ -77,7 +77,7 @@ class Proposal:
     @property
     def states(self) -> list[str]:
         """Names of the states of a span that the proposed channels measure."""
-        return states_of(channel["measures"] for channel in self.channels)
+        return list_states(channel["measures"] for channel in self.channels)
 
     def check_sure(self, file: str, columns: Iterable[str | None]) -> None:
         """Raise ValueError if the interpretation of one of the columns is only guessed."""
@@ -108,7 +108,7 @@ class Proposal:
     def _unused(self) -> list[str]:
         used = {self.clock, *(channel["column"] for channel in self.channels)}
         others = [name for name in self.columns if name not in used]
-        winds = [name for name in others if "wind" in " ".join(words_of(name))]
+        winds = [name for name in others if "wind" in " ".join(split_words(name))]
         return [
             *(f"not used: {name}" for name in others if name not in winds),
             *(f"inputs: [{{name: U, column: {json.dumps(name)}}}]" for name in winds),
@@ -126,7 +126,7 @@ class Proposal:
 
         return "\n".join(
             [
-                f"# How the columns of {file} are read, told from their names: check each line.",
+                f"# How the columns of {file} are read, by their names: check each line.",
                 *([f"time: {line(self.time)}"] if self.time else []),
                 *([f"rate: {rate:g}"] if rate else []),
                 *([f"decimal: {json.dumps(decimal)}"] if decimal else []),
@@ -143,7 +143,7 @@ class Proposal:
         )
 
 
-def states_of(targets: Iterable[str]) -> list[str]:
+def list_states(targets: Iterable[str]) -> list[str]:
     """Return the states of a span for measured quantities, such as q_v and dq_v for `ddq_v`.
 
     Displacements come before velocities.
@@ -170,7 +170,7 @@ def propose(
     no column can contain times, or two have different clocks.
     """
     doubts: dict[str, Doubt] = {}
-    clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_say_rate(table)}")
+    clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_hint_rate(table)}")
 
     def unit_beside_file(name: str) -> str:
         return units.get(name) or (for_all if name != clock else "") or unit_suffix(name)
@@ -245,7 +245,7 @@ def _guess_channels(table: FileTable, names: Iterable[str], unit_of) -> dict[str
 
     A constant column is no motion.
     """
-    by_axis = sorted(names, key=lambda name: [words_of(name).isdisjoint(axis) for axis in AXES])
+    by_axis = sorted(names, key=lambda name: [split_words(name).isdisjoint(axis) for axis in AXES])
     likely = [
         (name, order)
         for name in by_axis
@@ -281,7 +281,7 @@ def find_clock(
         table.column(specified)
         return split_header(specified)[0]
     if rate is not None:
-        counts = (name for name in table.columns if is_count(name) and _counts(table, name))
+        counts = (name for name in table.columns if is_count(name) and _is_counter(table, name))
         return next(counts, None)
     clocks = [
         name
@@ -291,9 +291,9 @@ def find_clock(
         or (name not in table.unclear and table.kind(name) == "date")
     ]
     if not clocks:
-        clocks = [name for name in table.columns if _increases(table, name)][:1]
+        clocks = [name for name in table.columns if _is_increasing(table, name)][:1]
         if clocks:
-            doubts[clocks[0]] = _guessed_clock(table, clocks[0])
+            doubts[clocks[0]] = _doubt_clock(table, clocks[0])
     if not clocks:
         raise ValueError(f"{table.path}: no column of times; it has {table.content}; {remedy}")
     clock = max(clocks, key=lambda name: len(pd.unique(table.columns[name])))
@@ -302,22 +302,23 @@ def find_clock(
 
 
 def _check_clocks(table: FileTable, clock: str, names: Iterable[str]) -> None:
-    """Raise ValueError if other times run apart from a clock, or begin at another time of it.
+    """Raise ValueError if another column of times has another duration or begin than the clock.
 
-    Times without a unit may be in another one, and only begin elsewhere if they last as long. Times
-    of other words, such as `uptime`, may count from another moment.
+    Durations of columns without a unit may differ, as their units may. The begins are compared only
+    if the durations agree and the names share a word: `uptime` may count from another moment.
     """
-    if not _increases(table, clock):
+    if not _is_increasing(table, clock):
         return
     clock_times, unit = table.columns[clock].astype(float), table.unit(clock)
     for name in names:
-        if table.unit(name) != unit or not _increases(table, name):
+        if table.unit(name) != unit or not _is_increasing(table, name):
             continue
         times, how = table.columns[name].astype(float), ""
+        shares_word = not split_words(name).isdisjoint(split_words(clock))
         span, late = np.ptp(times), abs(times[0] - clock_times[0])
-        if abs(span - np.ptp(clock_times)) > APART * span:
+        if abs(span - np.ptp(clock_times)) > CLOCK_TOLERANCE * span:
             how = f"run apart, over {np.ptp(clock_times):.6g} and {span:.6g}" if unit else ""
-        elif np.median(np.diff(clock_times)) < late < span and words_of(name) & words_of(clock):
+        elif np.median(np.diff(clock_times)) < late < span and shares_word:
             how = f"begin {late:.6g} apart"
         if how:
             raise ValueError(
@@ -326,41 +327,41 @@ def _check_clocks(table: FileTable, clock: str, names: Iterable[str]) -> None:
             )
 
 
-def _guessed_clock(table: FileTable, name: str) -> Doubt:
-    rate = _say_rate(table)
+def _doubt_clock(table: FileTable, name: str) -> Doubt:
+    rate = _hint_rate(table)
     if table.is_headless:
         last = len(table.columns)
         return Doubt(
             f"no row names the columns, which are 1 to {last} by their place",
             f"say what they hold, such as --time {name} --unit {name}=s --measure 'q_v={last} [m]'"
-            + f", or {rate}" * _counts(table, name),
+            + f", or {rate}" * _is_counter(table, name),
         )
-    if _counts(table, name):
+    if _is_counter(table, name):
         return Doubt(f"no column is plainly the time, and {name!r} counts samples", rate)
     return Doubt("no column is plainly the time", f"say --time {name!r} or so, or {rate}")
 
 
-def _say_rate(table: FileTable) -> str:
-    return f"say the sampling rate in Hz, such as --rate {_known_rate(table)} (rate: in a mapping)"
+def _hint_rate(table: FileTable) -> str:
+    return f"say the sampling rate in Hz, such as --rate {_find_rate(table)} (rate: in a mapping)"
 
 
-def _known_rate(table: FileTable) -> str:
+def _find_rate(table: FileTable) -> str:
     """Return the sampling rate that a number of the file has by its name, else 25."""
     for name, value in table.scalars.items():
-        bare = "".join(words_of(name))
+        bare = "".join(split_words(name))
         rate = value if bare in RATES else 1.0 / value if bare in INTERVALS and value else np.nan
         if 0.0 < rate < np.inf:
             return f"{rate:g}"
     return "25"
 
 
-def _increases(table: FileTable, name: str) -> bool:
+def _is_increasing(table: FileTable, name: str) -> bool:
     values = table.columns[name]
     rises = values.dtype.kind in "fiu" and len(values) > 1 and np.all(np.diff(values) > 0)
     return bool(rises) and (is_count(name) or not is_beside_motion(name))
 
 
-def _counts(table: FileTable, name: str) -> bool:
+def _is_counter(table: FileTable, name: str) -> bool:
     """Decide whether a column has whole numbers that mostly rise by one."""
     values = table.columns[name]
     if values.dtype.kind not in "fiu":

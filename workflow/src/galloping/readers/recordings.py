@@ -9,9 +9,9 @@ from galloping.readers.mapping import Channel, ColumnMapping
 from galloping.readers.series import Series
 from galloping.recording.samples import INTERPOLATED, Recording
 
-# Longest periods of the motion.
-LEAST = 3  # that a part of a recording holds at least
-SILENT = 6  # that a sensor may be silent while others go on: longer, its curve is not told
+# In longest periods of the motion.
+MIN_PERIODS = 3  # of a part of a recording
+MAX_SILENCE = 6  # without samples of one sensor: over a longer time its motion is unknown
 
 
 def make_recording(series: Series, mapping: ColumnMapping) -> Recording:
@@ -55,16 +55,16 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
 
     Neither the motion nor the clock is known over such a gap. A part also ends where an input is
     unknown, or where a sensor is silent for long while others are not. Parts of fewer than FEWEST
-    samples or shorter than LEAST are left out, unless no part is longer and the inputs are known
-    throughout. Raises ValueError if no part is left.
+    samples or shorter than MIN_PERIODS are left out, unless no part is longer and the inputs are
+    known throughout. Raises ValueError if no part is left.
     """
     measured = np.any(np.isfinite(recording.values), axis=1)
     if recording.rates is not None:
         measured = measured | np.any(np.isfinite(recording.rates), axis=1)
     driven = np.full(len(recording.time), True)
-    for one in recording.inputs.values():
-        driven = driven & one.covered(recording.time)
-    is_known = driven & ~_find_silent(recording, SILENT * period)
+    for driving in recording.inputs.values():
+        driven = driven & driving.covered(recording.time)
+    is_known = driven & ~_find_silent_samples(recording, MAX_SILENCE * period)
     rows = np.flatnonzero(measured & is_known)
     apart = np.diff(recording.time[rows]) > period
     apart |= np.diff(np.cumsum(~is_known)[rows]) > 0
@@ -72,20 +72,20 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     long = [
         slice(int(part[0]), int(part[-1]) + 1)
         for part in parts
-        if len(part) >= FEWEST and np.ptp(recording.time[part]) >= LEAST * period
+        if len(part) >= FEWEST and np.ptp(recording.time[part]) >= MIN_PERIODS * period
     ]
     if driven.all() and ((is_known.all() and len(parts) == 1) or not long):
         is_whole = not len(rows) or rows[-1] - rows[0] + 1 == len(recording.time)
         return [recording if is_whole else recording[rows[0] : rows[-1] + 1]]
     if not long:
         raise ValueError(
-            f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {LEAST} periods "
-            f"of {period:.3g} s in which the motion is measured"
+            f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {MIN_PERIODS} "
+            f"periods of {period:.3g} s in which the motion is measured"
         )
     return [recording[part] for part in long]
 
 
-def _find_silent(recording: Recording, longest: float) -> np.ndarray:
+def _find_silent_samples(recording: Recording, longest: float) -> np.ndarray:
     """Find samples, (n,), at which a coordinate measured at other times is silent for `longest` s.
 
     It is silent if there is no sample of itself, nor of its velocity if that is a state, or, if
@@ -151,7 +151,7 @@ def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray,
     return time, columns
 
 
-def input_notes(recording: Recording) -> list[str]:
+def note_missing_inputs(recording: Recording) -> list[str]:
     """List a note for each input that is missing during part of a recording."""
     time = recording.time
     steps = np.diff(time, append=time[-1])

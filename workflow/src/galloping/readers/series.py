@@ -13,9 +13,9 @@ from galloping.arrays import finest_step
 from galloping.fields import list_first
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
-from galloping.readers import MOST_NAMES, FileError
+from galloping.readers import MAX_NAMES, FileError
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
-from galloping.readers.file_table import LONGEST, FileTable, read_table
+from galloping.readers.file_table import MAX_SHOWN, FileTable, read_table
 from galloping.readers.hints import (
     is_clock_reading,
     likely_input_unit,
@@ -24,12 +24,12 @@ from galloping.readers.hints import (
     unit_in_name,
     unit_options,
 )
-from galloping.readers.input_columns import held_rows, read_inputs
+from galloping.readers.input_columns import count_rows_per_sample, read_inputs
 from galloping.readers.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
-from galloping.readers.times import find_instants, put_in_order, seconds_of
+from galloping.readers.times import compute_seconds, find_instants, sort_samples
 from galloping.readers.units import (
-    OF_TIME,
     ORDERS,
+    TIME_SYMBOL,
     WITH_UNIT,
     UnitError,
     input_si,
@@ -40,19 +40,20 @@ from galloping.readers.units import (
 )
 from galloping.recording.samples import Input
 
-CODES = (  # that loggers write for a missing sample, of either sign
+MISSING_CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
     6999, 7999, 32767, 32768,
 )  # fmt: skip
-LEAST_FILL = 1e10  # of what files are filled with, such as 1e20, where nothing was measured
-STUCK = 20  # times as long as nearly all runs of one value is that of a sensor that was stuck
-TOGETHER = 0.9  # of such a run, in which all others rest as well
-SLOW = 0.35  # of the usual speed, at which a motion comes to rest, or begins
-SAME = 1e-9  # less than full correlation, of two channels that are one
-ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
-WRAP = 4.0  # times the largest other step of an angle, that a step over the end of a turn may be
-TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # of an angle, by the unit of a column
-HINTS = {  # where a column is missing, by what it is of
+MIN_FILL = 1e10  # of what files are filled with, such as 1e20, where nothing was measured
+STUCK_RATIO = 20  # length of a run of one value over nearly all others, if a sensor is stuck
+JOINT_REST_SHARE = 0.9  # of such a run, if all other sensors also rest: the motion rests
+SLOW_SHARE = 0.35  # of the usual speed: a slower motion comes to rest, or begins
+CORRELATION_MARGIN = 1e-9  # by which the correlation of two copies of a channel may be below 1
+# Two recordings share no block of so many rows by chance in which a column has more values.
+BLOCK_ROWS, MAX_VALUES = 20, 5
+MAX_WRAP_RATIO = 4.0  # of a step of an angle over the end of a turn to its largest other step
+FULL_TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # by the unit of an angle
+COLUMN_HINTS = {  # for a missing column, by its kind
     TimeColumn: "--time names the column of the times (time: in a mapping)",
     InputColumn: "an input has a column of its name, or of that in --input NAME=COLUMN",
     Channel: "--measure STATE=COLUMN says which column measures what (channels: in a mapping)",
@@ -88,7 +89,7 @@ class Series:
     @property
     def unused_note(self) -> str:
         """Note that lists the ignored columns of the file, '' if there are none."""
-        names = list_first([f"{name:.{LONGEST}}" for name in self.unused], MOST_NAMES)
+        names = list_first([f"{name:.{MAX_SHOWN}}" for name in self.unused], MAX_NAMES)
         more = "to use a wind among them, add --input U=COLUMN"
         return f"columns that are not used: {names}; {more}" if names else ""
 
@@ -106,42 +107,44 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         except FileError as error:
             if split_header(each.column)[0] in table.columns:
                 raise
-            hint = HINTS[type(each)] if mapping.channels else HINT_FOR_MODEL
+            hint = COLUMN_HINTS[type(each)] if mapping.channels else HINT_FOR_MODEL
             raise FileError(f"{error}; {hint}") from None
     instants = None
     if mapping.time and mapping.rate is None:
         instants = find_instants(table, mapping.time)
     _check_units(table, mapping, mapping.rate is None and instants is None)
-    time, start, origin = seconds_of(table, mapping, instants)
+    time, start, origin = compute_seconds(table, mapping, instants)
     notes, columns, units = list(table.notes), [], {}
     measured: tuple[Channel | InputColumn, ...] = (*mapping.channels, *mapping.inputs)
     for one in measured:
         of_file = table.column(one.column).dtype
-        column, codes = _without_codes(table.numbers(one.column), of_file)
+        column, codes = _replace_codes(table.numbers(one.column), of_file)
         notes += [
             f"column {one.column!r}: {count} samples of {code:g}, a code for missing ones, were "
             "left out"
             for code, count in codes.items()
         ]
         if len(column) != len(time):
-            of = f"the times {mapping.time.column!r} have" if mapping.time else "the others have"
-            raise FileError(f"{table.at(one.column)} has {len(column)} rows, {of} {len(time)}")
+            clock = f"the times {mapping.time.column!r}" if mapping.time else "the others"
+            raise FileError(
+                f"{table.label(one.column)} has {len(column)} rows, {clock} {len(time)}"
+            )
         if isinstance(one, Channel):
             if table.column(one.column).dtype.kind == "b":
                 raise FileError(
-                    f"{table.at(one.column)} contains true and false, and no measured motion"
+                    f"{table.label(one.column)} contains true and false, and no measured motion"
                 )
             to_state = partial(state_si, target=one.measures)
             scale, unit = table.convert(one.column, one.unit, to_state)
             if unit != state_unit(one.measures):
                 notes.append(
-                    f"column {one.column!r} is taken in {unit}; numbers of {one.measures} stand "
-                    "without that unit"
+                    f"column {one.column!r} is read in {unit}; numbers of {one.measures} are "
+                    "printed without this unit"
                 )
         else:
             scale, unit = table.convert(one.column, one.unit, input_si)
             units[one.name] = unit
-        for turn in TURNS.get(unit, ()):
+        for turn in FULL_TURNS.get(unit, ()):
             column, n_wraps = unwrap_angle(column, turn / scale)
             if n_wraps:
                 notes.append(
@@ -160,10 +163,10 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
         group = [channel for channel in mapping.channels if channel.measures == measures]
         if len(group) > 1 and all(channel.position is None for channel in group):
-            names = list_first([repr(channel.column) for channel in group], MOST_NAMES)
+            names = list_first([repr(channel.column) for channel in group], MAX_NAMES)
             notes.append(f"columns {names} are averaged as {measures}: they have no position")
     rows = np.arange(len(time)) + table.first_row
-    time, values, rows, more = put_in_order(table, time, np.column_stack(columns), rows)
+    time, values, rows, more = sort_samples(table, time, np.column_stack(columns), rows)
     n_channels = len(mapping.channels)
     inputs = read_inputs(table, mapping.inputs, time, values[:, n_channels:])
     values = values[:, :n_channels]
@@ -179,12 +182,12 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         known = column[np.isfinite(column)]
         if len(known) < FEWEST:
             raise FileError(
-                f"{table.at(channel.column)} has {len(known)} samples, fewer than the {FEWEST} "
+                f"{table.label(channel.column)} has {len(known)} samples, fewer than the {FEWEST} "
                 "needed"
             )
         if np.ptp(known) == 0:
             raise FileError(
-                f"{table.at(channel.column)} is {known[0]:g} throughout: the sensor did not work"
+                f"{table.label(channel.column)} is {known[0]:g} throughout: the sensor did not work"
             )
     _check_distinct(table, mapping, values)
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
@@ -220,7 +223,7 @@ def unwrap_angle(values: np.ndarray, turn: float) -> tuple[np.ndarray, int]:
         return values, 0
     largest = steps[~jumps].max()
     over = np.abs(turn - steps[jumps]).max()
-    if turn - np.ptp(angle) > 2.0 * largest or over > WRAP * largest:
+    if turn - np.ptp(angle) > 2.0 * largest or over > MAX_WRAP_RATIO * largest:
         return values, 0
     unwrapped = np.unwrap(angle, period=turn)
     continuous = values.copy()
@@ -237,7 +240,7 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
             continue
         deviations = values[both][:, (a, b)] - values[both][:, (a, b)].mean(axis=0)
         size = np.linalg.norm(deviations, axis=0)
-        if size.all() and np.prod(deviations / size, axis=1).sum() > 1.0 - SAME:
+        if size.all() and np.prod(deviations / size, axis=1).sum() > 1.0 - CORRELATION_MARGIN:
             raise FileError(
                 f"{table.path}: columns {first.column!r} and {second.column!r} hold the same "
                 f"samples, and cannot measure both {first.measures} and {second.measures}"
@@ -245,39 +248,39 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
 
 
 def check_no_shared_rows(series: Sequence[Series]) -> None:
-    """Check that no file repeats ALIKE consecutive rows of another file.
+    """Check that no file repeats BLOCK_ROWS consecutive rows of another file.
 
-    Raises FileError if one does. Blocks of rows in which no column has more than VARIED different
-    values are ignored.
+    Raises FileError if one does. Blocks of rows in which no column has more than MAX_VALUES
+    different values are ignored.
     """
     known: dict[bytes, Series] = {}
     for one in series if len(series) > 1 else ():
-        blocks = sliding_window_view(one.values, ALIKE, axis=0)
+        blocks = sliding_window_view(one.values, BLOCK_ROWS, axis=0)
         for k, block in enumerate(blocks):
             other = known.get(block.tobytes())
-            if other is not None and max(len(np.unique(column)) for column in block) > VARIED:
+            if other and max(len(np.unique(column)) for column in block) > MAX_VALUES:
                 raise FileError(
                     f"{one.path}: row {one.rows[k]} and those after it are also in {other.path}: "
                     "a recording counts once"
                 )
-        known |= {block.tobytes(): one for block in blocks[::ALIKE]}
+        known |= {block.tobytes(): one for block in blocks[::BLOCK_ROWS]}
 
 
 def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Find samples, (n,) boolean of each column, at which a sensor is stuck.
 
-    They repeat the one before, in a run STUCK times as long as nearly all others, unless the sensor
-    merely rests. A resting sensor rests together with the other columns, or from the first sample
-    on, or it slows down before and speeds up after. A column with a single value is not stuck.
+    They repeat the one before, in a run STUCK_RATIO times as long as nearly all others, unless the
+    sensor rests. It rests together with the other columns, or from the first sample on, or it slows
+    down before and speeds up after. A column with a single value is not stuck.
     """
     held = [_find_held(values) for values in columns]
-    together = np.all(held, axis=0) & (len(held) > 1)
+    all_rest = np.all(held, axis=0) & (len(held) > 1)
     stuck_samples = []
     for values, repeats in zip(columns, held, strict=True):
         stuck = repeats.copy()
         edges = np.flatnonzero(np.diff(np.r_[False, repeats, False].astype(int)))
         for first, end in edges.reshape(-1, 2):
-            alone = not together[first:end].mean() > TOGETHER
+            alone = not all_rest[first:end].mean() > JOINT_REST_SHARE
             first_of_all = first <= 1 and len(held) == 1
             if not alone or first_of_all or _is_slow(values, int(first) - 1, int(end)):
                 stuck[first:end] = False
@@ -289,9 +292,9 @@ def _find_held(values: np.ndarray) -> np.ndarray:
     """Find samples that repeat the one before in a long run, (n,) boolean."""
     changes = np.append(True, np.diff(values) != 0.0)
     runs = np.diff(np.append(np.flatnonzero(changes), len(values)))
-    least = STUCK * np.quantile(runs, 0.99, method="lower")
+    least = STUCK_RATIO * np.quantile(runs, 0.99, method="lower")
     length = np.repeat(runs, runs)
-    return ~changes & (length >= max(least, STUCK)) & (len(runs) > 1)
+    return ~changes & (length >= max(least, STUCK_RATIO)) & (len(runs) > 1)
 
 
 def _find_repeats(values: np.ndarray) -> np.ndarray:
@@ -301,7 +304,7 @@ def _find_repeats(values: np.ndarray) -> np.ndarray:
     """
     known = np.flatnonzero(np.isfinite(values))
     steps, repeats = np.diff(values[known]), np.zeros(len(values), bool)
-    rows = held_rows(values[known])
+    rows = count_rows_per_sample(values[known])
     if rows > 1 and np.median(np.abs(steps[steps != 0.0])) > 1.5 * finest_step(values):
         edges = np.flatnonzero(np.append(True, steps != 0.0))
         runs = np.diff(edges, append=len(known))
@@ -316,20 +319,20 @@ def _is_slow(values: np.ndarray, first: int, end: int) -> bool:
     speed = np.abs(np.diff(values))
     width = max(min((end - first) // 4, len(speed) // 50), 4)
     usual = np.convolve(np.nan_to_num(speed), np.ones(width) / width, mode="valid")
-    most = SLOW * np.quantile(usual, 0.95)
+    most = SLOW_SHARE * np.quantile(usual, 0.95)
     sides = speed[max(first - width, 0) : first], speed[end - 1 : end - 1 + width]
     return all(np.nanmean(side) <= most for side in sides if np.isfinite(side).any())
 
 
-def _without_codes(values: np.ndarray, of_file: np.dtype) -> tuple[np.ndarray, dict[float, int]]:
+def _replace_codes(values: np.ndarray, of_file: np.dtype) -> tuple[np.ndarray, dict[float, int]]:
     """Replace codes for missing samples, such as -9999, by NaN, and count them.
 
     A code is a value that loggers use for this purpose, and farther from all others than these are
     from each other. of_file: type of the numbers in the file, which may have rounded the codes.
     """
-    codes = np.asarray(CODES, of_file if of_file.kind == "f" else float)
+    codes = np.asarray(MISSING_CODES, of_file if of_file.kind == "f" else float)
     known, counts = np.unique(values[np.isfinite(values)], return_counts=True)
-    fill = np.abs(known) >= LEAST_FILL
+    fill = np.abs(known) >= MIN_FILL
     used = np.isin(np.abs(known), codes) | (fill & (fill.sum() == 1))
     others = known[~used]
     if not used.any() or not len(others):
@@ -351,8 +354,8 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
         times = table.numbers(name)
         if is_clock_reading(times):
             raise FileError(
-                f"{table.at(name)} has no unit, and its numbers look like times of a day, HHMMSS; "
-                "write them with colons, such as 12:30:00"
+                f"{table.label(name)} has no unit, and its numbers look like times of a day, "
+                "HHMMSS; write them with colons, such as 12:30:00"
             )
         bare.append((name, unit_in_name(name, "s") or likely_time_unit(times)))
     for one in filter(lacks, mapping.channels):
@@ -372,16 +375,16 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
 def _likely_unit(table: FileTable, name: str, si: str, alike: Sequence[str]) -> str:
     """Guess the unit of a channel from its name, else from its samples and those of columns alike.
 
-    Raises FileError if the name ends in brackets that hold no unit.
+    Raises FileError if the name ends in brackets that contain no unit.
     """
     if si not in ORDERS:
         return "1"
     if unit := unit_in_name(name, si):
         return unit
-    if (match := WITH_UNIT.fullmatch(name)) and match["round"] not in (None, OF_TIME):
+    if (match := WITH_UNIT.fullmatch(name)) and match["round"] not in (None, TIME_SYMBOL):
         raise FileError(
-            f"{table.at(name)} has no unit: {match['round']!r} is no unit; say what one number is, "
-            f"such as {unit_options([(name, f'2.5 m{si}')])}"
+            f"{table.label(name)} has no unit: {match['round']!r} is no unit; say what one number "
+            f"is, such as {unit_options([(name, f'2.5 m{si}')])}"
         )
     return likely_unit(ORDERS.index(si), table.numbers(name), map(table.numbers, alike))
 

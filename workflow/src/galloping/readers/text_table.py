@@ -14,8 +14,8 @@ from galloping.readers import FileError
 from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_POINT, Layout, find_layout, split_cells
 from galloping.readers.units import split_header
 
-HEAD = 65536  # bytes that the layout of a text table is told from
-BINARY = {  # first bytes of what is no text table, whatever its name
+HEAD_BYTES = 65536  # from which the layout of a text table is determined
+BINARY_FORMATS = {  # first bytes of what is no text table, whatever its name
     b"PK\x03\x04": "a zip archive or an Excel sheet; unpack it, or name the sheet .xlsx",
     b"\x1f\x8b": "a gzip archive; unpack it",
     b"PAR1": "a Parquet file; name it .parquet",
@@ -24,7 +24,7 @@ BINARY = {  # first bytes of what is no text table, whatever its name
 }
 CHINESE = re.compile(rb"[\x81-\xfe]{4}")  # two characters of GB 18030; no Western words are such
 ENCODINGS = {"cp1252": "Windows-1252", "gb18030": "GB 18030"}  # besides those of Unicode
-MISSING = {  # words for a missing sample, besides those that pandas knows
+MISSING_WORDS = {  # words for a missing sample, besides those that pandas knows
     "-", "--", "---", "?", "*", "***", "#nv", "#wert!", "#value!", "#ref!", "#div/0!", "overflow",
     "over", "ovl", "ovfl", "ofl", "ol", "underflow", "err", "error", "bad", "invalid", "missing",
     "no data", "nodata", "none", "fault", "fehler", "nan", "nan(ind)", "-nan(ind)", "n.a.",
@@ -32,16 +32,16 @@ MISSING = {  # words for a missing sample, besides those that pandas knows
 
 
 def read_text(
-    opened: Callable[[], BinaryIO], decimal: str | None, time: str | None, rows: int | None = None
+    opener: Callable[[], BinaryIO], decimal: str | None, time: str | None, rows: int | None = None
 ) -> tuple[list[tuple[str, np.ndarray, str | None]], int, tuple[str, ...]]:
     """Read the columns of a text table, the line where data begin, and notes on ignored parts.
 
     Returns header, values, and unit or None, of each column, then the line and the notes.
     """
-    with opened() as file:
-        head = file.read(HEAD)
+    with opener() as file:
+        head = file.read(HEAD_BYTES)
         whole = not file.read(1)
-    for magic, kind in BINARY.items():
+    for magic, kind in BINARY_FORMATS.items():
         if head.startswith(magic):
             raise FileError(f"this is {kind}, not a text table")
     wide = head.startswith((b"\xff\xfe", b"\xfe\xff"))
@@ -52,9 +52,9 @@ def read_text(
         try:
             lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()
             layout = find_layout(lines if whole else lines[:-1] or lines, decimal, time)
-            frame = _read_frame(opened, layout, encoding, rows)
+            frame = _read_frame(opener, layout, encoding, rows)
             if layout.separator is None and frame.iloc[:, -1].isna().any():
-                _check_even(opened, layout, encoding)
+                _check_even(opener, layout, encoding)
             break
         except UnicodeDecodeError as error:
             byte = error.object[error.start]
@@ -68,7 +68,8 @@ def read_text(
     content = []
     for k, (header, unit) in enumerate(zip(layout.header, layout.units, strict=True)):
         if header:
-            values, words = _without_words(_with_points(frame[k], header, layout), layout.decimal)
+            cells = _replace_decimal_commas(frame[k], header, layout)
+            values, words = _replace_missing_words(cells, layout.decimal)
             content.append((header, values.to_numpy(), unit))
             notes += [
                 f"column {split_header(header)[0]!r}: {count} cells of {word!r} were left out, as "
@@ -79,10 +80,10 @@ def read_text(
 
 
 def _read_frame(
-    opened: Callable[[], BinaryIO], layout: Layout, encoding: str, rows: int | None
+    opener: Callable[[], BinaryIO], layout: Layout, encoding: str, rows: int | None
 ) -> pd.DataFrame:
     try:
-        with warnings.catch_warnings(), opened() as file:
+        with warnings.catch_warnings(), opener() as file:
             warnings.simplefilter("error", pd.errors.ParserWarning)
             return pd.read_csv(
                 file, sep=layout.separator or r"\s+", decimal=layout.decimal,
@@ -96,13 +97,13 @@ def _read_frame(
         raise FileError("no rows of data") from error
 
 
-def _check_even(opened: Callable[[], BinaryIO], layout: Layout, encoding: str) -> None:
-    """Refuse a row with fewer cells than others: a blank cell between blanks cannot be told.
+def _check_even(opener: Callable[[], BinaryIO], layout: Layout, encoding: str) -> None:
+    """Refuse a row with fewer cells than others: nothing shows which of its cells is missing.
 
     The last row may be cut off.
     """
     short = None
-    with io.TextIOWrapper(opened(), encoding) as lines:
+    with io.TextIOWrapper(opener(), encoding) as lines:
         for row, line in enumerate(lines, 1):
             if short and line.strip():
                 raise FileError(
@@ -114,7 +115,7 @@ def _check_even(opened: Callable[[], BinaryIO], layout: Layout, encoding: str) -
                 short = row, count
 
 
-def _with_points(cells: pd.Series, header: str, layout: Layout) -> pd.Series:
+def _replace_decimal_commas(cells: pd.Series, header: str, layout: Layout) -> pd.Series:
     """Replace the decimal commas of a column that pandas left as text, such as for one bad cell.
 
     Raises FileError if another number of the column has a decimal point.
@@ -130,12 +131,12 @@ def _with_points(cells: pd.Series, header: str, layout: Layout) -> pd.Series:
     return text.where(~commas, text.str.replace(",", ".")).astype(object)
 
 
-def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str, int]]:
+def _replace_missing_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str, int]]:
     """Convert cells to numbers if all others are words for a missing sample, and count these."""
     if cells.dtype.kind in "fiub":
         return cells, {}
     text = cells.astype("string").str.strip()
-    words = text[text.str.casefold().isin(MISSING)]
+    words = text[text.str.casefold().isin(MISSING_WORDS)]
     others = text.drop(words.index).str.replace(decimal, ".")
     numbers = pd.to_numeric(others, errors="coerce").reindex(text.index)
     if not len(words) or (numbers.isna() & text.notna()).sum() > len(words) or numbers.isna().all():

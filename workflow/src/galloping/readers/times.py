@@ -16,10 +16,10 @@ DAYS = (
     "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
     "%d/%m/%y", "%y/%m/%d", "%y-%m-%d", "%d-%m-%y", "%m-%d-%y", "%d-%b-%Y", "%d-%b-%y", "%d %b %Y",
 )  # fmt: skip
-UNDATED = 1900  # year that times of day have; dates on a day that is unknown are earlier
+UNDATED_YEAR = 1900  # year that times of day have; dates on a day that is unknown are earlier
 HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
 HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
-WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
+WHOLE_SECONDS = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # may be among fractions of seconds
 ZONE = r":\d\d[^+\-Z]*(?:Z|[+-]\d\d(?::?\d\d)?)$"  # at the end of a time
 FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 
@@ -37,7 +37,7 @@ def find_instants(
     if column.dtype.kind not in "OUT" or time.unit is not None:
         return None
     text = pd.Series(column).astype("string").str.strip().str.replace(",", ".")
-    text = text.str.replace(WHOLE, r"\1.0", regex=True)
+    text = text.str.replace(WHOLE_SECONDS, r"\1.0", regex=True)
     if pd.to_numeric(text, errors="coerce").notna().sum() >= text.notna().sum() / 2:
         return None
     first = text.dropna()[:1]
@@ -53,12 +53,12 @@ def find_instants(
     strange = np.flatnonzero(text.notna() & dates[0].isna())
     if len(strange):
         what = "is neither a number nor a time, such as 2026-01-31T12:00:00.04"
-        raise table.fault(int(strange[0]), name, what)
+        raise table.cell_error(int(strange[0]), name, what)
     if any(not (stamps - stamps.min()).equals(dates[0] - dates[0].min()) for stamps in dates):
-        raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
+        raise table.cell_error(0, name, "may be day or month first; write dates as 2026-01-31")
     stamps = pd.DatetimeIndex(dates[0])
     if any(not stamps.equals(pd.DatetimeIndex(other)) for other in dates):  # the day is unknown
-        stamps -= pd.Timestamp(UNDATED + 200, 1, 1) - pd.Timestamp(UNDATED, 1, 1)
+        stamps -= pd.Timestamp(UNDATED_YEAR + 200, 1, 1) - pd.Timestamp(UNDATED_YEAR, 1, 1)
     if ":" in first.iloc[0][:3]:  # without a date: they go on after midnight
         days = np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -pd.Timedelta(hours=12))
         stamps += pd.to_timedelta(days, "D")
@@ -76,10 +76,10 @@ def _check_fractions(table: FileTable, name: str, stamps: pd.DatetimeIndex) -> N
     if fractions.str.len().nunique() > 1:
         for row in np.flatnonzero(fractions.str.fullmatch(r"\d+0").fillna(False)):
             what = "is among times that go back, with fractions of a second of other lengths"
-            raise table.fault(int(row), name, f"{what}; write milliseconds as three digits")
+            raise table.cell_error(int(row), name, f"{what}; write milliseconds as three digits")
 
 
-def seconds_of(
+def compute_seconds(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
     """Convert the column of times of a file to seconds since the first sample.
@@ -93,7 +93,7 @@ def seconds_of(
     elif isinstance(times, pd.DatetimeIndex) and times.notna().any():
         first = times.min()
         seconds = np.asarray((times - first).total_seconds(), float)
-        dated = first.isoformat() if first.year > UNDATED else ""
+        dated = first.isoformat() if first.year > UNDATED_YEAR else ""
         return seconds, dated, first.timestamp()
     elif isinstance(times, pd.TimedeltaIndex):
         values = times.total_seconds().to_numpy(float)
@@ -103,7 +103,7 @@ def seconds_of(
         unit = mapping.time.unit if mapping.time else None
         values = table.numbers(name) * table.convert(name, unit, partial(factor, wanted="s"))
     if not np.isfinite(values).any():
-        raise FileError(f"{table.at(name)} is empty")
+        raise FileError(f"{table.label(name)} is empty")
     return values - np.nanmin(values), "", float(np.nanmin(values))
 
 
@@ -114,15 +114,15 @@ def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.nd
     name = mapping.time.column
     if unit := table.unit(name):
         raise FileError(
-            f"{table.at(name)} has the unit {unit} and counts no samples; leave out the rate"
+            f"{table.label(name)} has the unit {unit} and counts no samples; leave out the rate"
         )
     counts = table.numbers(name)
     for row in np.flatnonzero(np.isfinite(counts) & (counts != np.round(counts))):
-        raise table.fault(int(row), name, "is no count of samples; leave out the rate")
+        raise table.cell_error(int(row), name, "is no count of samples; leave out the rate")
     return counts / rate
 
 
-def put_in_order(
+def sort_samples(
     table: FileTable, time: np.ndarray, values: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Sort samples by time and drop repeated rows; also return a note on each correction."""
@@ -131,32 +131,32 @@ def put_in_order(
     if timeless.any():
         notes.append(f"{timeless.sum()} rows without a time were left out, row {rows[timeless][0]}")
         time, values, rows = time[~timeless], values[~timeless], rows[~timeless]
-    if (moved := _join_restarts(time)) is not None:
+    if (joined := _join_restarts(time)) is not None:
         back = rows[np.flatnonzero(np.diff(time) < 0)[0] + 1]
         notes.append(
             f"the clock starts again in row {back}: what follows is a recording of its own"
         )
-        time = moved
-    late = np.flatnonzero(np.diff(time) < 0) + 1
-    if len(late):
-        more = f" and {len(late) - 1} more" if len(late) > 1 else ""
-        notes.append(f"times go back in row {rows[late[0]]}{more}: rows were sorted by time")
+        time = joined
+    backward = np.flatnonzero(np.diff(time) < 0) + 1
+    if len(backward):
+        more = f" and {len(backward) - 1} more" if len(backward) > 1 else ""
+        notes.append(f"times go back in row {rows[backward[0]]}{more}: rows were sorted by time")
         order = np.argsort(time, kind="stable")
         time, values, rows = time[order], values[order], rows[order]
-    again = np.flatnonzero(np.diff(time) == 0) + 1
-    if len(again):
+    repeated = np.flatnonzero(np.diff(time) == 0) + 1
+    if len(repeated):
         of_time = pd.DataFrame(values).groupby(time)
-        differ = of_time.nunique().gt(1).any(axis=1)
-        strange = again[differ[time[again]]]
+        has_conflict = of_time.nunique().gt(1).any(axis=1)
+        strange = repeated[has_conflict[time[repeated]]]
         if len(strange):
             raise FileError(
                 f"{table.path}: row {rows[strange[0]]} has a time that was there before, and other "
                 "values; if the clock is coarse, say --rate; if these are two recordings, put each "
                 "in a file of its own"
             )
-        notes.append(f"{len(again)} repeated rows were dropped, first row {rows[again[0]]}")
+        notes.append(f"{len(repeated)} repeated rows were dropped, first row {rows[repeated[0]]}")
         values = of_time.first().to_numpy(copy=True)
-        time, rows = (np.delete(each, again) for each in (time, rows))
+        time, rows = (np.delete(each, repeated) for each in (time, rows))
     return time, values, rows, notes
 
 
@@ -172,8 +172,8 @@ def _join_restarts(time: np.ndarray) -> np.ndarray | None:
     overlap = max((np.sum(one >= other[0]) for one, other in pairwise(ordered)), default=0)
     if overlap < FEWEST or min(map(len, parts)) < FEWEST:
         return None
-    moved = [parts[0]]
+    joined = [parts[0]]
     for part in parts[1:]:
-        end = moved[-1][-1]
-        moved.append(part - part[0] + end + (end - time[0]))
-    return np.concatenate(moved)
+        end = joined[-1][-1]
+        joined.append(part - part[0] + end + (end - time[0]))
+    return np.concatenate(joined)

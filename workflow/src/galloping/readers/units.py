@@ -15,11 +15,11 @@ from galloping.readers.unit_definitions import DEFINITIONS, PREFIXES
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
 WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|[(（](?P<round>[^()（）]*)[)）])")
 WITHIN = re.compile(r"[(\[]([^()\[\]]*)[)\]]")  # a unit anywhere, as in `Position (m) Run #1`
-NONE: Mapping[str, Any] = MappingProxyType({})
+EMPTY: Mapping[str, Any] = MappingProxyType({})
 # `v, mm`, `v / mm` and `v in mm`
 BEHIND = re.compile(r"(?P<bare>.*[^\s,/])(?:\s*[,/]\s*|\s+in\s+)(?P<unit>[^\s,]+)")
-# Of those a file may say without brackets: other words behind a comma are part of a name.
-PLAIN = {
+# Units that need no brackets behind a name. Other words behind a comma are part of the name.
+UNBRACKETED_UNITS = {
     *(f"{prefix}m" for prefix in ("", "c", "d", "m", "µ", "μ", "u")), "s", "ms", "min", "sec",
     *(f"{of}m/s{power}" for of in ("", "c", "m") for power in ("", "2", "^2", "²")), "ft", "inch",
     "metres", "meters", "metre", "meter", "seconds", "millimetres", "millimeters", "g_n",
@@ -31,13 +31,13 @@ SPELLINGS = (  # as loggers write units, and as pint reads them
     (r"(?<=[a-z0-9])[.·](?=[a-z])", "*"),
     (r"\b([cmµμu]?m)s\^-([12])", r"\1/s^\2"),  # ms^-2 is m s^-2: nothing is measured per ms^2
 )
-# What a unit may be written as: factors with one exponent each. pint evaluates Python's powers, of
-# which `m**9**9**9` never ends.
-LONGEST = 40  # characters
+# Form of a unit: factors with one exponent each. pint evaluates powers as Python does, and would
+# never end with `m**9**9**9`.
+MAX_UNIT_LENGTH = 40  # characters
 FACTOR = r"(?:1|[^\W\d_][^\W\d]*|°[CF]?|%|Ω)(?:(?:\^|\*\*)?[-+]?\d{1,2}|[⁺⁻]?[⁰¹²³⁴-⁹])?"
 EXPRESSION = re.compile(rf"[\s(]*{FACTOR}(?:[\s()*/.·]+{FACTOR})*[\s)]*")
 SCALED = re.compile(r"(\d+\.?\d*(?:[eE][-+]?\d{1,3})?|\.\d+)\s*([^\W\d].*|[°%].*)")  # `0.85 mm`
-OF_TIME = "t"  # in round brackets no tonne: `x (t)` is a function of time
+TIME_SYMBOL = "t"  # in round brackets: `x (t)` is a function of time, and not in tonnes
 PIXELS = {"px", "pix", "pixel", "pixels"}
 DIRECTION = {"q_v": "vertical", "q_w": "horizontal"}
 ORDERS = ("m", "m/s", "m/s^2")  # the units of displacements, velocities and accelerations
@@ -46,9 +46,9 @@ QUANTITIES = {  # of a span: meaning and unit
     for stem, direction in DIRECTION.items()
     for order, kind in enumerate(("displacement", "velocity", "acceleration"))
 }
-# What most columns are in: the value in SI and the powers of m and s. pint is asked about all
-# else; it takes a quarter of a second to load.
-USUAL = {
+# Units of most columns: value in SI, and powers of m and s. All others are left to pint, which
+# takes a quarter of a second to load.
+USUAL_UNITS = {
     "1": (1.0, 0, 0), "s": (1.0, 0, 1), "mm": (1e-3, 1, 0), "m": (1.0, 1, 0), "m/s": (1.0, 1, -1),
     "m/s^2": (1.0, 1, -2),
 }  # fmt: skip
@@ -73,7 +73,7 @@ def _parse_unit(text: str):
     import pint
 
     text = "" if text.strip() in ("1", "-", "") else text.strip()
-    if len(text) > LONGEST or (text and not EXPRESSION.fullmatch(text)):
+    if len(text) > MAX_UNIT_LENGTH or (text and not EXPRESSION.fullmatch(text)):
         raise ValueError("no product of units")
     try:
         return _parse_with_usual_prefixes(text)
@@ -108,8 +108,8 @@ def factor(unit: str, wanted: str) -> float:
     `g_n`, never of a mass. wanted: a unit of SI. Raises UnitError if the unit is unknown or
     measures something else.
     """
-    if unit in USUAL and USUAL[unit][1:] == USUAL[wanted][1:]:
-        return USUAL[unit][0]
+    if unit in USUAL_UNITS and USUAL_UNITS[unit][1:] == USUAL_UNITS[wanted][1:]:
+        return USUAL_UNITS[unit][0]
     import pint
 
     size, name = _split_scale(unit)
@@ -160,8 +160,8 @@ def _unknown(unit: str, examples: str) -> UnitError:
 
 def is_same_quantity(unit: str, wanted: str) -> bool:
     """Decide whether a unit is of the same physical quantity as an SI unit."""
-    if unit in USUAL:
-        return USUAL[unit][1:] == USUAL[wanted][1:]
+    if unit in USUAL_UNITS:
+        return USUAL_UNITS[unit][1:] == USUAL_UNITS[wanted][1:]
     try:
         return bool(unit) and factor(unit, wanted) > 0
     except UnitError:
@@ -170,7 +170,7 @@ def is_same_quantity(unit: str, wanted: str) -> bool:
 
 def is_unit(text: str) -> bool:
     """Decide whether a text is a known physical unit, such as `mm`; a number alone is none."""
-    if text in (*USUAL, "G"):  # of gravity
+    if text in (*USUAL_UNITS, "G"):  # of gravity
         return text != "1"
     if text[:1].isdigit():
         return False
@@ -190,14 +190,14 @@ def split_header(header: str) -> tuple[str, str]:
     header = header.strip()
     if match := WITH_UNIT.fullmatch(header):
         unit = (match["unit"] or match["round"] or "").strip()
-        if match["unit"] is not None or (unit != OF_TIME and is_unit(unit)):
+        if match["unit"] is not None or (unit != TIME_SYMBOL and is_unit(unit)):
             return match["bare"], unit
     for match in WITHIN.finditer(header):
         before, after = header[: match.start()].strip(), header[match.end() :].strip()
         if before and after and is_unit(match[1].strip()):
             return f"{before} {after}", match[1].strip()
     match = BEHIND.fullmatch(header)
-    if match and match["unit"] in PLAIN:
+    if match and match["unit"] in UNBRACKETED_UNITS:
         return match["bare"], match["unit"]
     return header, ""
 
@@ -205,7 +205,7 @@ def split_header(header: str) -> tuple[str, str]:
 def unit_suffix(name: str) -> str:
     """Return the unit at the end of a column name such as `vertical_mm`, '' if there is none."""
     unit = re.split(r"[_\s]", name)[-1]
-    return unit if unit != name and unit in PLAIN else ""
+    return unit if unit != name and unit in UNBRACKETED_UNITS else ""
 
 
 def parse_quantity(text: str | float, unit: str, target: str) -> float:
@@ -215,12 +215,12 @@ def parse_quantity(text: str | float, unit: str, target: str) -> float:
     UnitError.
     """
     match = AMOUNT.fullmatch(str(text).strip())
-    number, own_unit = match.groups() if match else (None, "")
+    number, stated = match.groups() if match else (None, "")
     if not number:
         raise UnitError(f"{text!r} is not a number with a unit, such as '3 mm'")
-    if own_unit and unit == "1":
+    if stated and unit == "1":
         raise UnitError(f"{text!r} has a unit and the column has none; must be a number alone")
-    return float(number) * state_si(own_unit or unit, target)[0]
+    return float(number) * state_si(stated or unit, target)[0]
 
 
 def meaning(target: str) -> str:
@@ -252,7 +252,7 @@ def input_si(unit: str) -> tuple[float, str]:
     A unit that is SI already is unchanged, and one with an offset, such as degC. `g`, `G` and `mg`
     are of gravity here as well, since a mass drives nothing. Raises UnitError.
     """
-    if unit in USUAL and USUAL[unit][0] == 1.0:
+    if unit in USUAL_UNITS and USUAL_UNITS[unit][0] == 1.0:
         return 1.0, unit
     size, name = _split_scale(unit)
     try:
@@ -292,7 +292,7 @@ def state_si(unit: str, target: str) -> tuple[float, str]:
 
 
 def coefficient_unit(
-    state: str, exponents: Exponents, names: Sequence[str], inputs: Mapping[str, str] = NONE
+    state: str, exponents: Exponents, names: Sequence[str], inputs: Mapping[str, str] = EMPTY
 ) -> str:
     """Derive the SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2.
 
@@ -324,8 +324,8 @@ def coefficient_unit(
 
 
 def _unit_symbols(unit: str) -> dict[str, int]:
-    if unit in USUAL and USUAL[unit][0] == 1.0:
-        return dict(zip("ms", USUAL[unit][1:], strict=True))
+    if unit in USUAL_UNITS and USUAL_UNITS[unit][0] == 1.0:
+        return dict(zip("ms", USUAL_UNITS[unit][1:], strict=True))
     try:
         parsed = _parse_unit(unit)
     except Exception:  # pint's parser raises many kinds; of a model of another version

@@ -27,7 +27,13 @@ from galloping.model.polynomial import Exponents, PolynomialModel, polynomial_li
 from galloping.model.terms import known_model, parse_library
 from galloping.passes import part, passing
 from galloping.readers.mapping import ColumnMapping
-from galloping.readers.recordings import LEAST, SILENT, input_notes, make_recording, split_recording
+from galloping.readers.recordings import (
+    MAX_SILENCE,
+    MIN_PERIODS,
+    make_recording,
+    note_missing_inputs,
+    split_recording,
+)
 from galloping.readers.series import Series, check_no_shared_rows, read_series
 from galloping.readers.units import state_unit
 from galloping.recording.samples import Recording, typical_inputs
@@ -111,16 +117,16 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
     names: list[str] = []
     for one, of_file, report in zip(series, whole, reports, strict=True):
         parts = split_recording(of_file, period)
-        report["notes"] += input_notes(of_file)
+        report["notes"] += note_missing_inputs(of_file)
         if one.unused:
             report["notes"].append(one.unused_note)
         report["unused_motion"] = list(one.unused_motion)
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
-                f"divided at gaps longer than a period of {period:.3g} s, or than {SILENT} periods "
-                f"of one sensor alone: {len(parts)} recordings of {LEAST} periods or more, "
-                f"{kept:.4g} s in all"
+                f"divided at gaps longer than a period of {period:.3g} s, or than {MAX_SILENCE} "
+                f"periods of one sensor alone: {len(parts)} recordings of {MIN_PERIODS} periods "
+                f"or more, {kept:.4g} s in all"
             )
         recordings += parts
         names += [

@@ -11,9 +11,9 @@ from galloping.cycles.settling import Pace
 from galloping.model.polynomial import PolynomialModel
 from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
-from galloping.readers.proposal import ROWS, find_clock
+from galloping.readers.proposal import PROPOSAL_ROWS, find_clock
 from galloping.readers.series import read_series
-from galloping.readers.units import NONE
+from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def read_model_inputs(
     at: Sequence[str],
     path: str | None,
     time: str | None = None,
-    kinds: Mapping[str, str] = NONE,
+    kinds: Mapping[str, str] = EMPTY,
 ) -> dict[str, Input | float]:
     """Collect the inputs that drive a model: constants from option texts, others from a file.
 
@@ -43,7 +43,7 @@ def read_model_inputs(
     if path is not None:
         if not missing:
             raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
-        clock = time or find_clock(read_table(path, None, None, ROWS), None, {}) or ""
+        clock = time or find_clock(read_table(path, None, None, PROPOSAL_ROWS), None, {}) or ""
         inputs = tuple(
             InputColumn.model_validate({"column": name, "between": kinds.get(name)})
             for name in missing

@@ -44,7 +44,7 @@ from galloping.inspection.excerpts import identify_excerpts
 from galloping.inspection.quality import PERIODS as PERIODS_HELD
 from galloping.inspection.quality import peaks_of, sampled_time, spectrum
 from galloping.passes import part, passing
-from galloping.readers.units import NONE
+from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input, Recording, typical_inputs
 from galloping.summary.advice import Advice, advice
 from galloping.summary.numbers import compute_numbers
@@ -302,7 +302,7 @@ def forecast(
     time: ArrayLike | None = None,
     *,
     window: float | None = None,
-    inputs: Mapping[str, Input | float] = NONE,
+    inputs: Mapping[str, Input | float] = EMPTY,
     seed: int = 0,
 ) -> Forecast:
     """Forecast the samples after the end of a recording, as a median and a 90 % band.
