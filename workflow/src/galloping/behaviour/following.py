@@ -14,7 +14,7 @@ from galloping.identification.preparation.smoothing import (
     with_integrals,
     without_drift,
 )
-from galloping.inspection.quality import DIFFERENT, find_outliers, peaks_of, spectrum
+from galloping.inspection.quality import MIN_VALUES, find_outliers, find_peaks, spectrum
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
 from galloping.trajectory.simulation import Simulator, rates_along
@@ -84,11 +84,11 @@ def without_outliers(recording: Recording) -> Recording:
 def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Replace outliers among the values of a channel, (n,), by NaN."""
     known = np.isfinite(values)
-    if np.count_nonzero(known) < DIFFERENT:
+    if np.count_nonzero(known) < MIN_VALUES:
         return values
     time, own = time[known], values[known]
     frequency, share = spectrum(time, own, float(np.median(np.diff(time))))
-    own = np.where(find_outliers(time, own, frequency[peaks_of(share)[1]]), np.nan, own)
+    own = np.where(find_outliers(time, own, frequency[find_peaks(share)[1]]), np.nan, own)
     cleaned = values.copy()
     cleaned[known] = own
     return cleaned

@@ -16,7 +16,7 @@ from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
 from galloping.passes import passing
 from galloping.readers.units import EMPTY
-from galloping.recording.samples import INTERPOLATED, Input, Recording
+from galloping.recording.samples import INTERPOLATED_STEPS, Input, Recording
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -408,7 +408,7 @@ def _continued(name: str, past: Input, ahead: Input | float, end: float, until: 
     if isinstance(ahead, Input):
         values = ahead(time)
         known = np.isfinite(values)
-        late = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED * step)
+        late = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED_STEPS * step)
         beyond = time > until
         if not known.any() or not np.all(known | late | beyond):
             first, last = ahead.stretches[0][0], ahead.stretches[-1][1]

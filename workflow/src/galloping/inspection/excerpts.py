@@ -21,18 +21,18 @@ from galloping.recording.samples import Recording
 STRETCHES = 8  # spread over a long recording
 PERIODS = 64  # of the fastest motion, in each
 PARTS = 8  # of a stretch, whose sizes are compared
-TINY = 1e-9  # deviations of a channel
+MIN_SIZE = 1e-9  # of a motion, in deviations of its channel
 
 
 def excerpts(recordings: list[Recording]) -> list[Recording]:
     """Select informative stretches of long recordings, to limit the cost of identification.
 
-    The stretches are at most STRETCHES of PERIODS in all, but one at least of every recording. A
-    longer recording is cut into equal parts. From every other part comes the stretch in which the
-    size of the motion varies most, since growth and decay contain information on damping; from the
-    others that in which the motion is largest, for the cubic terms. Stretches without gaps are
-    preferred. Recordings of which no channel varies above its noise have no period, and stay whole,
-    and so do those whose stretches would have fewer than FEWEST samples.
+    There are at most STRETCHES of PERIODS in all, but at least one of every recording. A longer
+    recording is cut into equal parts. The stretch of every other part is that in which the size of
+    the motion varies most, since growth and decay contain information on damping. The stretch of
+    the others is that of the largest motion, for the cubic terms. Stretches without gaps are
+    preferred. Recordings stay whole if no channel varies above its noise, which leaves no period,
+    or if their stretches would have fewer than FEWEST samples.
     """
     try:
         period = shortest_period([with_integrals(recording) for recording in recordings])
@@ -52,8 +52,8 @@ def identify_excerpts(
 ) -> IdentifiedModel:
     """Identify a model from informative stretches of recordings, without times of no motion.
 
-    Free motion, and motion under random forces, of which all parts are equally informative, are
-    identified in the whole recordings.
+    Free motion, and motion under random forces, are identified in the whole recordings, since all
+    parts are equally informative.
     """
     if "forced" in options:
         return method(recordings, terms, *question, **options)
@@ -71,8 +71,8 @@ def identify_excerpts(
     period = shortest_period([with_integrals(each) for each in recordings])
     if amplitude_fluctuates(recordings, period):
         names = ("prior", "coefficients", "allowed")
-        about = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
-        problem = validated_problem(recordings, terms, *question, **about)
+        knowledge = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
+        problem = validated_problem(recordings, terms, *question, **knowledge)
         if identified := identify_if_ambient(problem, recordings):
             return identified
     identified = method(stretches, terms, *question, **options)
@@ -88,32 +88,32 @@ def _choose_pieces(recording: Recording, count: int, period: float) -> list[Reco
     if fitting <= count:
         return [recording]
     edges = first_from(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
-    sizes = _part_sizes(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
+    sizes = _measure_parts(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
     merits = np.array([np.log(sizes).std(axis=1).sum(axis=1), sizes.mean(axis=(1, 2))])
     gaps = np.searchsorted(edges[::PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1
-    broken = np.isin(np.arange(fitting), gaps) | np.any(sizes <= TINY, axis=(1, 2))
+    broken = np.isin(np.arange(fitting), gaps) | np.any(sizes <= MIN_SIZE, axis=(1, 2))
     merits[:, broken] = -1.0
     parts = np.array_split(np.arange(fitting), count)
     chosen = [part[np.argmax(merits[n % 2, part])] for n, part in enumerate(parts)]
     pieces = [slice(edges[PARTS * k], edges[PARTS * (k + 1)]) for k in chosen]
-    return [recording[own] for own in pieces if own.stop - own.start > 2 * PARTS]
+    return [recording[rows] for rows in pieces if rows.stop - rows.start > 2 * PARTS]
 
 
-def _part_sizes(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _measure_parts(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Compute the size of the motion in the parts between `edges`, (n_parts, n_channels).
 
-    values: (n, n_states). edges: (n_parts + 1,) samples. In units of the channel's deviation, TINY
-    without samples.
+    values: (n, n_states). edges: (n_parts + 1,) indices of samples. Sizes are relative to the
+    deviation of the channel, and MIN_SIZE without samples.
     """
     values = values[:, np.isfinite(values).any(axis=0)]
     known = np.isfinite(values)
     scaled = (values - np.nanmean(values, axis=0)) / np.nanstd(values, axis=0)
     scaled = np.where(known, scaled, 0.0)
 
-    def total(of: np.ndarray) -> np.ndarray:
-        sums = np.concatenate([np.zeros((1, of.shape[1])), np.cumsum(of, axis=0)])
+    def total(array: np.ndarray) -> np.ndarray:
+        sums = np.concatenate([np.zeros((1, array.shape[1])), np.cumsum(array, axis=0)])
         return np.diff(sums[edges], axis=0)
 
     share = np.maximum(total(known), 1)
     variance = total(scaled**2) / share - (total(scaled) / share) ** 2
-    return np.sqrt(np.maximum(variance, TINY**2))
+    return np.sqrt(np.maximum(variance, MIN_SIZE**2))

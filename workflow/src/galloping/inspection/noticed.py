@@ -11,16 +11,15 @@ from galloping.model.intervals import NORMAL_95
 from galloping.readers.units import meaning, plain_unit
 
 
-def sentences_of(
+def write_sentences(
     findings: Iterable[Finding],
     further: Iterable[FurtherMode] = (),
     of_model: Iterable[str] = (),
 ) -> Iterator[str]:
     """Yield sentences on findings that do not affect a model's status, and on unmodelled modes.
 
-    The latter are further modes of the recording, for which the model has no coordinate. findings:
-    those that affect the status are ignored. of_model: names of the modes that are listed with an
-    interval.
+    findings: those that affect the status are ignored. further: modes of the recording for which
+    the model has no coordinate. of_model: names of the modes that are listed with an interval.
     """
     findings = list(findings)
     units = {each.subject: _name_and_unit(each.subject) for each in findings}

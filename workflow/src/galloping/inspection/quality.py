@@ -12,7 +12,7 @@ from galloping.identification.free_motion.rest import moving_samples
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import find_saturated_values
 from galloping.identification.sentences import sentence_of
-from galloping.inspection.noticed import sentences_of
+from galloping.inspection.noticed import write_sentences
 from galloping.readers.units import state_unit
 from galloping.recording.samples import sampling_step
 
@@ -20,31 +20,31 @@ if TYPE_CHECKING:
     from galloping.readers.mapping import ColumnMapping, InputColumn
     from galloping.readers.series import Series
 
-NEIGHBOURS = 5  # samples of which the median is taken
-JUMP = 0.05  # of its range, that a channel jumps at least
-AROUND = 16  # quarters of a period on each side: a step stands out of what recurs there
-OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
-REPORTED_GAP = 3.0  # median steps between two samples: more is told as a gap, jitter never
-CLIPPED = 5  # equal samples in a row at an end of the range
-PERIODS = 10  # fewer tell no damping
-PER_PERIOD = 10  # samples: where there are fewer, nothing here tells noise from motion
-APART = 0.02  # of the time with samples: gaps that are longer part what lies on their sides
-MISSED = 0.1  # of the time of other columns, in gaps of a channel
-DIFFERENT = 32  # values: fewer resolve a motion to no better than a tenth of its deviation
-SIGNAL = 3.0  # motion over noise below which terms can hardly be told
+NEIGHBOURS = 5  # samples of a running median
+MIN_JUMP = 0.05  # of the range of a channel
+JUMP_SIDES = 16  # quarters of a period on each side, where a jump exceeds all that recurs
+OUTLIER_NOISES = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
+REPORTED_GAP = 3.0  # median steps between two samples, which jitter never reaches
+MIN_CLIPPED = 5  # equal samples in a row at an end of the range
+PERIODS = 10  # fewer do not determine the damping
+PER_PERIOD = 10  # samples: with fewer, noise cannot be distinguished from motion
+SPLIT_GAP = 0.02  # of the time with samples: a spectrum is not interpolated over longer gaps
+MAX_MISSED = 0.1  # of the time of other columns, in gaps of a channel
+MIN_VALUES = 32  # different ones: fewer resolve a motion to a tenth of its deviation
+MIN_SIGNAL = 3.0  # motion over noise, below which terms can hardly be determined
 # Power at five adjacent frequencies, over that of white noise with the same median power, above
 # which a spectrum has a peak. White noise itself does not reach half of it.
-STANDS_OUT = 20.0
-RECURS, NEAR = 0.6, 1.6  # correlation of a motion with itself, up to so many times a period later
+MIN_PEAK = 20.0
+MIN_RECURRENCE, MAX_LAG = 0.6, 1.6  # correlation of a motion with itself, up to a lag in periods
 # Variance of the difference of two channels, over that of their noise, below which both show the
-# same motion; the variance of a noise is told to a few percent.
-SAME = 1.3
-WITH = 0.5  # correlation of an acceleration with its displacement
-SIDEWAYS = 10.0  # times as far as a line moves vertically
+# same motion. The variance of a noise is known to a few percent.
+SAME_MOTION = 1.3
+WRONG_SIGN = 0.5  # least correlation of an acceleration with its displacement
+MAX_SIDEWAYS = 10.0  # horizontal over vertical motion of a line
 # Least and greatest difference of the highest and lowest sample, by unit, that a span has; with any
 # other the unit is most likely wrong.
 RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
-FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
+FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of other motion of such a size
 
 
 def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
@@ -83,43 +83,40 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
         "notes": list(series.notes),
     }
     moves, rests = moving_samples(time, series.values)
-    report["notes"] += sentences_of(rests)
+    report["notes"] += write_sentences(rests)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         unit = state_unit(channel.measures)
         _, is_rate = mapping.target(channel)
-        own = time[moves], values[moves], step, series.rows[moves]  # rest is no fault
-        described, problems = _inspect_channel(*own, unit, is_rate)
-        place = {"measures": channel.measures, "position_m": channel.position}
-        report["channels"][channel.column] = place | described
+        moving = time[moves], values[moves], step, series.rows[moves]  # rest is no fault
+        described, problems = _inspect_channel(*moving, unit, is_rate)
+        sensor = {"measures": channel.measures, "position_m": channel.position}
+        report["channels"][channel.column] = sensor | described
         report["problems"] += [
             _make_problem(row, code, channel.column, **data) for row, code, data in problems
         ]
-    report["problems"] += _too_short(series, mapping, report)
-    report["problems"] += _shown_twice(series, mapping, report["channels"])
-    report["problems"] += _mixed_up(series, mapping, report["channels"])
-    report["inputs"] = {one.column: _of_input(series, one) for one in mapping.inputs}
+    report["problems"] += _find_short_channels(series, mapping, report)
+    report["problems"] += _find_copies(series, mapping, report["channels"])
+    report["problems"] += _find_mix_ups(series, mapping, report["channels"])
+    report["inputs"] = {one.column: _describe_input(series, one) for one in mapping.inputs}
     return report
 
 
 def _make_problem(row: int, code: Code, column: str, **data: Any) -> dict:
     finding = Finding.of(code, column, **data)
-    about = finding.as_dict()
-    return {
-        "column": column, "row": int(row), "code": about["code"], "data": about["data"],
-        "what": sentence_of(finding),
-    }  # fmt: skip
+    details = {key: finding.as_dict()[key] for key in ("code", "data")}
+    return {"column": column, "row": int(row), **details, "what": sentence_of(finding)}
 
 
-def finding_of(problem: dict) -> Finding:
+def make_finding(problem: dict) -> Finding:
     """Convert a problem listed in a quality report to a finding on its column."""
     return Finding.of(Code(problem["code"]), problem["column"], **problem["data"])
 
 
-def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list[dict]:
+def _find_short_channels(series: "Series", mapping: "ColumnMapping", report: dict) -> list[dict]:
     """List problems of channels with fewer than PERIODS of their motion.
 
-    A motion that does not recur is ignored if another channel has as many periods: it follows
-    gusts, for example. A change of the mean is reported separately.
+    A motion that does not recur, such as that in gusts, is ignored if another channel has as many
+    periods. A change of the mean is reported separately.
     """
     moved = {one["column"] for one in report["problems"] if one["code"] == Code.MEAN_MOVES}
     few, enough, least = {}, False, PERIODS * (1.0 - TIME_ROUNDING)
@@ -138,18 +135,18 @@ def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list
 
 
 def _is_recurrent(time: np.ndarray, values: np.ndarray, frequency: float) -> bool:
-    """Decide whether values are alike a period later, as far as the recording is long enough."""
-    longest = min(NEAR / frequency, 2.0 / 3.0 * np.ptp(time))
+    """Decide whether values are similar about a period later, if the recording is long enough."""
+    longest = min(MAX_LAG / frequency, 2.0 / 3.0 * np.ptp(time))
     alike = [0.0]
-    for lag in np.linspace(1.0 / NEAR / frequency, longest, 33):
+    for lag in np.linspace(1.0 / MAX_LAG / frequency, longest, 33):
         early = time <= time[-1] - lag
         if np.count_nonzero(early) > 2:
             later = np.interp(time[early] + lag, time, values)
             alike.append(np.corrcoef(values[early], later)[0, 1])
-    return max(alike) > RECURS
+    return max(alike) > MIN_RECURRENCE
 
 
-def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
+def _find_copies(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
     """List problems of channels that only repeat the motion of another coordinate.
 
     Some combination of the two channels then varies no more than their noise (total least squares).
@@ -164,41 +161,40 @@ def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
         if (
             one.measures.lstrip("d") == other.measures.lstrip("d")
             or fastest * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
-            or np.any(motions < SIGNAL * noises)
+            or np.any(motions < MIN_SIGNAL * noises)
             or not noises.all()
-            or known.sum() < DIFFERENT
+            or known.sum() < MIN_VALUES
         ):
             continue
         pair = np.cov((series.values[known][:, [i, j]] / noises).T)
         least, across = np.linalg.eigh(pair)
-        if least[0] < SAME:
+        if least[0] < SAME_MOTION:
             times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
-            about = {"other": one.column, "times": times}
-            problems.append(_make_problem(series.rows[0], Code.SHOWN_TWICE, other.column, **about))
+            data = {"other": one.column, "times": times}
+            problems.append(_make_problem(series.rows[0], Code.SHOWN_TWICE, other.column, **data))
     return problems
 
 
-def _mixed_up(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
+def _find_mix_ups(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
     """List problems of channels whose sign, or whose order, is most likely wrong."""
     problems, first = [], series.rows[0]
     by_measure = {one.measures: k for k, one in enumerate(mapping.channels)}
     for measures, k in by_measure.items():
-        column, against = mapping.channels[k].column, by_measure.get(measures.removeprefix("dd"))
-        across = by_measure.get(measures.removesuffix("w") + "v")
-        if measures.startswith("dd") and against is not None:
-            pair = series.values[:, [k, against]]
+        column = mapping.channels[k].column
+        displacement = by_measure.get(measures.removeprefix("dd"))
+        vertical = by_measure.get(measures.removesuffix("w") + "v")
+        if measures.startswith("dd") and displacement is not None:
+            pair = series.values[:, [k, displacement]]
             pair = pair[np.isfinite(pair).all(axis=1)]
-            if len(pair) > DIFFERENT and np.corrcoef(pair.T)[0, 1] > WITH:
-                other = mapping.channels[against].column
+            if len(pair) > MIN_VALUES and np.corrcoef(pair.T)[0, 1] > WRONG_SIGN:
+                other = mapping.channels[displacement].column
                 problems.append(_make_problem(first, Code.SIGN_UNLIKELY, column, other=other))
-        if measures.endswith("q_w") and across is not None:
-            other = mapping.channels[across].column
-            times = channels[column]["standard_deviation"] / max(
-                channels[other]["standard_deviation"], np.finfo(float).tiny
-            )
-            if times > SIDEWAYS:
-                about = {"other": other, "times": times}
-                problems.append(_make_problem(first, Code.COLUMNS_SWAPPED, column, **about))
+        if measures.endswith("q_w") and vertical is not None:
+            other = mapping.channels[vertical].column
+            size, compared = (channels[name]["standard_deviation"] for name in (column, other))
+            if (times := size / max(compared, np.finfo(float).tiny)) > MAX_SIDEWAYS:
+                data = {"other": other, "times": times}
+                problems.append(_make_problem(first, Code.COLUMNS_SWAPPED, column, **data))
     return problems
 
 
@@ -219,7 +215,7 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     """
     signals = []
     usual = float(np.median(np.diff(time)))
-    longest = max(REPORTED_GAP * usual, APART * sampled_time(time))
+    longest = max(REPORTED_GAP * usual, SPLIT_GAP * sampled_time(time))
     edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
     for begin, end in pairwise(edges):
         first, last = time[begin], time[end - 1]
@@ -235,14 +231,14 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
 def sampled_time(time: np.ndarray, step: float | None = None) -> float:
     """Compute the total time in s that is covered by samples, without the gaps between them.
 
-    step: the usual one between samples, s; by default the median.
+    step: usual time between samples, s; by default the median.
     """
     steps = np.diff(time)
     usual = np.median(steps) if step is None else step
     return float(steps[steps <= REPORTED_GAP * usual].sum())
 
 
-def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_peaks(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the highest peaks of a power spectrum, four at most.
 
     share: (n,) of each frequency in the variance. Returns the shares around each frequency, (n,),
@@ -259,14 +255,14 @@ def _inspect_channel(
 ) -> tuple[dict, list[tuple[int, Code, dict]]]:
     """Describe a channel, and list its problems: first row, code and data of each.
 
-    is_rate: whether it shows random forces, as an acceleration does, which are no noise: without a
-    spectral peak it contains little else.
+    is_rate: whether it is an acceleration, in which random forces look like noise: it is not mostly
+    noise if its spectrum has a peak.
     """
     known = np.isfinite(values)
     t, y, row = time[known], values[known], rows[known]
     sigma = estimate_noise(y)
     frequency, share = spectrum(t, y, step)
-    around, peaks = peaks_of(share)
+    around, peaks = find_peaks(share)
     turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
     outliers = find_outliers(t, y, frequency[peaks])
     after = np.flatnonzero(np.diff(t) > REPORTED_GAP * np.median(np.diff(t))) + 1
@@ -289,20 +285,20 @@ def _inspect_channel(
     if outliers.any():
         problems.append((row[outliers][0], Code.OUTLIERS_SEEN, {"count": outliers.sum()}))
     at_end = np.isin(y, find_saturated_values(y))
-    flat = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
+    flat = np.convolve(at_end, np.ones(MIN_CLIPPED), mode="valid") >= MIN_CLIPPED
     if flat.any():
         at = int(np.argmax(flat))
         problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
     elif (jump := _find_jump(t, y, turn / step)) is not None:
         at, change = jump
         problems.append((row[at], Code.CHANNEL_JUMPS, {"change": change, "unit": shown}))
-    if (missed := 1.0 - sampled_time(t) / sampled_time(time)) > MISSED:
+    if (missed := 1.0 - sampled_time(t) / sampled_time(time)) > MAX_MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, Code.SAMPLES_MISSING, {"share": missed}))
-    if (different := len(np.unique(y))) < DIFFERENT:
+    if (different := len(np.unique(y))) < MIN_VALUES:
         problems.append((row[0], Code.RESOLVED_COARSELY, {"values": different}))
-    stands_out = around.max() * np.log(2.0) > STANDS_OUT * 5.0 * np.median(share)
-    if motion < SIGNAL * sigma and not (coarse or (is_rate and stands_out)):
+    stands_out = around.max() * np.log(2.0) > MIN_PEAK * 5.0 * np.median(share)
+    if motion < MIN_SIGNAL * sigma and not (coarse or (is_rate and stands_out)):
         problems.append((row[0], Code.MOSTLY_NOISE, {}))
     if coarse:
         problems.append((row[0], Code.SAMPLED_COARSELY, {"samples": PER_PERIOD}))
@@ -310,7 +306,7 @@ def _inspect_channel(
         problems.append((row[moves], Code.MEAN_MOVES, {"change": shift, "unit": shown}))
     elif drifts:
         problems.append((row[0], Code.MEAN_DRIFTS, {}))
-    problems += [(rows[0], *unlikely) for unlikely in _find_unlikely(described, unit, t, y)]
+    problems += [(rows[0], *unlikely) for unlikely in _find_implausible(described, unit, t, y)]
     return described, problems
 
 
@@ -326,7 +322,7 @@ def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray)
     scale = max(estimate_noise(values), 1e-9 * float(np.ptp(values)))
     turn = 2.0 * np.pi * step * frequencies.max(initial=0.0)
     bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
-    apart = OUTLIER * scale + np.ptp(values) * max(bend, 0.05)
+    apart = OUTLIER_NOISES * scale + np.ptp(values) * max(bend, 0.05)
     is_outlier = np.abs(values - median_filter(values, NEIGHBOURS)) > apart
     after = np.flatnonzero(np.diff(time) > REPORTED_GAP * step) + 1
     ends = np.concatenate([[0, len(time)], after])  # where a median has no neighbours on one side
@@ -337,8 +333,8 @@ def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray)
 def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
     """Find where a channel jumps most, and by how much, beyond its motion and noise.
 
-    A polynomial in time and a step are fitted to each half of a period. omega: the highest of the
-    motion, rad/s.
+    A polynomial in time and a step are fitted to each half of a period. omega: highest frequency of
+    the motion, rad/s.
     """
     step = float(np.median(np.diff(time)))
     half = round_down(np.pi / 2.0 / omega / step) if omega else 0
@@ -353,9 +349,10 @@ def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int,
     if np.isnan(size).all():
         return None
     at = int(np.nanargmax(size))
-    near = size[max(0, at - AROUND * half) : at + AROUND * half + 1]  # of a motion that decays
+    around = JUMP_SIDES * half
+    near = size[max(0, at - around) : at + around + 1]  # of a motion that decays
     usual = max(np.nanmedian(size), np.nanmedian(near)) / 0.6745
-    if size[at] <= max(OUTLIER * usual, JUMP * np.ptp(values)):
+    if size[at] <= max(OUTLIER_NOISES * usual, MIN_JUMP * np.ptp(values)):
         return None
     return at + half, float(jump[at])
 
@@ -383,7 +380,7 @@ def _describe_extent(values: np.ndarray) -> dict[str, float]:
     }
 
 
-def _find_unlikely(
+def _find_implausible(
     described: dict, unit: str, time: np.ndarray, values: np.ndarray
 ) -> list[tuple[Code, dict]]:
     """List properties of a channel, measuring a span in `unit`, that no span has."""
@@ -392,18 +389,18 @@ def _find_unlikely(
     (least, most), size = RANGES[unit], described["highest"] - described["lowest"]
     unlikely = []
     if not least <= size <= most:
-        about = {"size": size, "least": least, "most": most, "unit": unit}
-        unlikely.append((Code.UNIT_UNLIKELY, about))
+        data = {"size": size, "least": least, "most": most, "unit": unit}
+        unlikely.append((Code.UNIT_UNLIKELY, data))
     slowest, fastest = FREQUENCIES
     dominant = described["dominant_frequencies_hz"]
     likely = any(slowest <= frequency <= fastest for frequency in dominant)
     if dominant and not likely and _is_recurrent(time, values, dominant[0]):
-        about = {"frequency_hz": dominant[0], "least": slowest, "most": fastest}
-        unlikely.append((Code.TIME_UNIT_UNLIKELY, about))
+        data = {"frequency_hz": dominant[0], "least": slowest, "most": fastest}
+        unlikely.append((Code.TIME_UNIT_UNLIKELY, data))
     return unlikely
 
 
-def _of_input(series: "Series", column: "InputColumn") -> dict:
+def _describe_input(series: "Series", column: "InputColumn") -> dict:
     one = series.inputs[column.name]
     known = np.isfinite(one.values)
     return {

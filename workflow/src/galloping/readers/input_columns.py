@@ -8,7 +8,7 @@ import numpy as np
 from galloping.readers import FileError
 from galloping.readers.file_table import FileTable
 from galloping.readers.mapping import InputColumn
-from galloping.recording.samples import BETWEEN, INTERPOLATED, Input
+from galloping.recording.samples import BETWEEN, INTERPOLATED_STEPS, Input
 
 MIN_ROWS_PER_SAMPLE = 2  # of a slower instrument, whose samples a logger repeats
 
@@ -44,7 +44,7 @@ def _make_input(column: InputColumn, time: np.ndarray, values: np.ndarray, betwe
     steps = np.diff(time[known])
     kept = np.zeros(len(values), bool)
     kept[known] = True
-    for k in np.flatnonzero(steps > INTERPOLATED * np.median(steps)):
+    for k in np.flatnonzero(steps > INTERPOLATED_STEPS * np.median(steps)):
         kept[known[k] : known[k + 1]] = True
     return Input(time[kept] - column.delay, values[kept], between, column.error)
 

@@ -106,7 +106,7 @@ class Table:
         return names, np.column_stack(values)
 
 
-def _as_names(u: object) -> list[str] | None:
+def _as_column_names(u: object) -> list[str] | None:
     """Return the names of columns if `u` is a list of such."""
     if isinstance(u, str):
         return [u]
@@ -130,7 +130,7 @@ def split_samples(
     times = table.pop_times(t)
     if isinstance(t, str) or t is None:
         t = times
-    if columns := _as_names(u):
+    if columns := _as_column_names(u):
         u = {name: table.pop("u", name) for name in columns}
     names, values = table.matrix(states)
     if t is not None and count_dimensions("t", t) == 0:
@@ -167,7 +167,7 @@ def make_recordings(
     """
     if not is_several(x):
         return [_make_recording(x, t, u, x_dot, states, inputs, between)]
-    driving: Any = [u] * len(x) if u is None or _as_names(u) else u
+    driving: Any = [u] * len(x) if u is None or _as_column_names(u) else u
     rates: Any = [None] * len(x) if x_dot is None else x_dot
     for name, part in (("u", driving), ("x_dot", rates)):
         if not isinstance(part, list | tuple) or len(part) != len(x):
@@ -193,7 +193,7 @@ def _make_recording(
 ) -> Recording:
     if isinstance(x, Recording):
         if t is not None or u is not None or x_dot is not None:
-            raise ValueError("t, u, x_dot: must be left out, for a Recording holds its own")
+            raise ValueError("t, u, x_dot: must be left out, since a Recording has its own")
         if states is not None and tuple(states) != x.states:
             have = f"x: has the states {', '.join(x.states)}"
             raise ValueError(f"{have}; must have {', '.join(states)}")

@@ -14,8 +14,7 @@ from galloping.recording.samples import Recording
 from galloping.results import Motion
 from galloping.streams import make_generator
 
-# What recordings hold: exact states with their rates, all states, not all of them, or rates beside
-# states that are not exact, if there are any.
+# Contents of recordings: exact states with noisy rates; all states; displacements only; rates.
 DERIVATIVES, ALL_STATES = "derivatives", "states"
 DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
 IN_DEVIATIONS = "standard deviations of each channel"  # unit of a relative noise level
@@ -38,7 +37,7 @@ class Protocol:
     """Measurement setup: which states or derivatives are measured, and with what noise.
 
     measures: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES. meaning: in the words of the
-    settings. by_default: whether a study has it that names none.
+    settings. by_default: whether a study that names no protocols has it.
     """
 
     name: str

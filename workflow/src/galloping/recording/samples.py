@@ -39,13 +39,13 @@ class Frame(Protocol):
 
 Times: TypeAlias = "ArrayLike | Sequence[datetime]"
 BETWEEN = ("zero", "linear", "cubic")
-# Median steps between two samples up to which an input is interpolated: longer than gaps that are
-# told of a file, since an input is still known well enough where three of its samples are missing.
-INTERPOLATED = 4.5
+# Median steps between two samples up to which an input is interpolated. Shorter gaps are reported
+# as well, but an input is known well enough if three of its samples are missing.
+INTERPOLATED_STEPS = 4.5
 # Points of the Gauss-Legendre quadrature between two knots: exact for products of a cubic and a
 # polynomial of degree eight.
-QUADRATURE = 6
-POINTS = 24  # of a window, at which what a polynomial leaves out of an input is looked at
+QUADRATURE_POINTS = 6
+WINDOW_POINTS = 24  # of a window, at which the error of a polynomial is evaluated
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,8 +65,8 @@ class Input(Immutable):
         Relative standard deviation of an unknown constant factor on the values, such as that of a
         calibration.
     alternatives : tuple of Input
-        Other kinds between samples, from which the command selects by the motion
-        (`identification.interpolation`); methods use the input as it is.
+        The same input with other kinds of interpolation. The command selects one by the motion
+        (`identification.interpolation`); methods ignore them.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class Input(Immutable):
     error: float = 0.0
     alternatives: tuple["Input", ...] = ()
 
-    if TYPE_CHECKING:  # what is given may be a list; what is held is an array
+    if TYPE_CHECKING:  # an argument may be a list; the attribute is an array
 
         def __init__(
             self,
@@ -117,9 +117,9 @@ class Input(Immutable):
     def stretches(self) -> tuple[tuple[float, float], ...]:
         """First and last time, s, of each stretch of samples without a gap.
 
-        In a held input, a gap is a missing sample, or more missing samples than usual where a
-        logger writes it in every other row. In other inputs, it is a time between samples longer
-        than INTERPOLATED median steps.
+        In a held input, a gap is a missing sample, or more missing samples than usual if a logger
+        does not write it in every row. In other inputs, it is a time between samples longer than
+        INTERPOLATED_STEPS median steps.
         """
         return tuple((float(time[0]), float(time[-1])) for time, _ in self._pieces)
 
@@ -132,7 +132,7 @@ class Input(Immutable):
             apart = rows > 1.5 * np.median(rows)
         else:
             steps = np.diff(time)
-            apart = steps > INTERPOLATED * np.median(steps)
+            apart = steps > INTERPOLATED_STEPS * np.median(steps)
         at = np.flatnonzero(apart) + 1
         pieces = zip(np.split(time, at), np.split(values, at), strict=True)
         return [piece for piece in pieces if len(piece[0]) > 1]
@@ -266,7 +266,7 @@ def fit_windows(
     knots = [one.time[(one.time > edges[0]) & (one.time < edges[-1])] for one in inputs]
     breaks = np.unique(np.concatenate([edges, *knots]))
     window = np.clip(np.searchsorted(edges, breaks[:-1], side="right") - 1, 0, windows - 1)
-    points, weights = np.polynomial.legendre.leggauss(QUADRATURE)
+    points, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     half = np.diff(breaks)[:, None] / 2.0
     time = breaks[:-1, None] + half * (1.0 + points)
     held = np.stack([evaluate_extended(one, time) for one in inputs])
@@ -294,15 +294,15 @@ def fit_errors(
     polynomials, and of the first and second integral of this difference within the windows.
     """
     windows, n_powers, _ = powers.shape
-    place = (np.arange(POINTS) + 0.5) / POINTS
+    place = (np.arange(WINDOW_POINTS) + 0.5) / WINDOW_POINTS
     time = start + step * (np.arange(windows)[:, None] + place)
     held = np.stack([evaluate_extended(one, time) for one in inputs])
     errors = []
     for k, factor in enumerate(factors):
         values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
         rest = values - powers[:, :, k] @ place ** np.arange(n_powers)[:, None]
-        once = np.cumsum(rest, axis=1) * step / POINTS
-        twice = np.cumsum(once, axis=1) * step / POINTS
+        once = np.cumsum(rest, axis=1) * step / WINDOW_POINTS
+        twice = np.cumsum(once, axis=1) * step / WINDOW_POINTS
         errors.append([np.sqrt(np.mean(each**2)) for each in (rest, once, twice)])
     return np.array(errors).T.reshape(3, len(factors))
 

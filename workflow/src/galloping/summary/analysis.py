@@ -22,7 +22,7 @@ from galloping.identification.preparation.interpolation import (
 from galloping.identification.prior_knowledge import PRIOR, as_coefficients
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import excerpts, identify_excerpts
-from galloping.inspection.quality import finding_of, inspect_recording
+from galloping.inspection.quality import inspect_recording, make_finding
 from galloping.model.polynomial import Exponents, PolynomialModel, polynomial_library
 from galloping.model.terms import known_model, parse_library
 from galloping.passes import part, passing
@@ -101,7 +101,7 @@ class Field:
             replace(one, subject=escape_markdown(f"{one.subject} of {report['file']}"))
             for report in self.reports
             for problem in report["problems"]
-            if (one := finding_of(problem)).code in FAULTS
+            if (one := make_finding(problem)).code in FAULTS
         ]
 
 

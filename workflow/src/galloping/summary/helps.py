@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.sentences import explain
-from galloping.inspection.quality import finding_of
+from galloping.inspection.quality import make_finding
 from galloping.readers.units import is_same_quantity, is_span
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ KNOWN = 0.01  # standard error of a coefficient that no further recording needs 
 def what_helps(summary: "Summary", reports: Sequence[dict]) -> list[str]:
     """List advice on how to improve an identified model, the most useful first."""
     found = summary.found
-    problems = [finding_of(problem) for report in reports for problem in report["problems"]]
+    problems = [make_finding(problem) for report in reports for problem in report["problems"]]
     span, units = is_span(found.model.states), units_in(reports)
     helps = [more for _, more in meanings_and_advice(problems, span) if more]
     if found.status == "refused" and (alone := _alone(reports)):

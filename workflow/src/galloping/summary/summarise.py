@@ -42,7 +42,7 @@ from galloping.identification.random_forces.low_pass import apply_model_filter
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import identify_excerpts
 from galloping.inspection.quality import PERIODS as PERIODS_HELD
-from galloping.inspection.quality import peaks_of, sampled_time, spectrum
+from galloping.inspection.quality import find_peaks, sampled_time, spectrum
 from galloping.passes import part, passing
 from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input, Recording, typical_inputs
@@ -381,7 +381,7 @@ def longest_period(recordings: Sequence[Recording]) -> float:
             known = np.isfinite(channel)
             if np.count_nonzero(known) > 1:
                 frequency, share = spectrum(recording.time[known], channel[known], recording.step)
-                dominant = frequency[peaks_of(share)[1]]
+                dominant = frequency[find_peaks(share)[1]]
                 frequencies += [f for f in dominant if f >= least][:1] or list(dominant[:1])
     return 1.0 / min(frequencies) if frequencies else np.inf
 

@@ -13,7 +13,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from galloping.behaviour.dynamics import BEYOND_RECORDED, ROUNDING, Value
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
-from galloping.inspection.noticed import envelope_rows, sentences_of
+from galloping.inspection.noticed import envelope_rows, write_sentences
 from galloping.readers.units import is_span, meaning, plain_unit
 from galloping.recording.samples import Recording
 from galloping.summary.helps import (
@@ -122,7 +122,7 @@ def render_summary(
         "beyond": _beyond_recorded(numbers),
         "degrees": _further_degrees(found),
         "noticed": list(
-            sentences_of(found.findings, found.further_modes, known.damping if known else ())
+            write_sentences(found.findings, found.further_modes, known.damping if known else ())
         ),
         "envelope": list(envelope_rows(found.envelope)),
     }  # fmt: skip
