@@ -16,7 +16,7 @@ from galloping.identification.preparation.smoothing import shortest_period
 from galloping.inspection.excerpts import PERIODS, STRETCHES, excerpts
 from galloping.line.galerkin import coefficients, make_model
 from galloping.streams import make_generator
-from galloping.summary.advice import advice
+from galloping.summary.advice import advise
 from galloping.summary.summarise import hold_out, longest_period
 from galloping.trials.recorded_lines import draw_line
 
@@ -90,15 +90,15 @@ def test_long_recordings_are_identified_from_their_liveliest_and_largest_stretch
 
 
 def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field, identified):
-    told = advice(identified, field.recordings[0], longest_period(field.recordings))
+    told = advise(identified, field.recordings[0], longest_period(field.recordings))
     errors = list(told.options.values())
     assert errors == sorted(errors) and max(errors) < told.standard_error
     assert not any("release" in name for name in told.options)  # of a live span
     again = told.options["another event like this one"]
     assert told.standard_error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
-    assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
+    assert advise(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
     repeats = identified.with_findings(Finding.of(Code.MOTION_REPEATS))
-    assert advice(repeats, field.recordings[0], 5.0) is None
+    assert advise(repeats, field.recordings[0], 5.0) is None
 
 
 def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):

@@ -12,8 +12,8 @@ from galloping.summary.terminal import json_text, print_rows, show_progress
 
 ROWS_AT_ONCE = 100_000  # of a simulation
 MAX_FORECAST_ROWS = 1_000_000
-# New objects, after which Python looks for cycles of garbage among all: imports and figures make
-# hundreds of thousands and hardly any garbage, and the searches cost `identify` a few percent.
+# New objects between two searches for garbage: imports and figures make hundreds of thousands of
+# objects and hardly any garbage, and more searches would cost `identify` a few percent.
 GARBAGE_THRESHOLD = 100_000
 REFUSED = 3  # exit code: the recordings give no model
 MAX_NUMBER = 1e100  # of an option: products of two are finite
@@ -135,13 +135,6 @@ def _load_usable(path):
     return loaded
 
 
-def _read_between(path) -> dict:
-    """Read how the inputs of a model's recordings are interpolated between samples."""
-    from galloping.storage import read_json
-
-    return read_json(path).get("between", {})
-
-
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
@@ -200,7 +193,7 @@ def identify(
     columns = _make_mapping(files[0], mapping)
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")
-    question.terms(columns)  # which must make sense before anything is read
+    question.terms(columns)  # raises for an invalid library before a file is read
     columns.check_random_force(forced, "--random-force")
     earlier = [name for name in OUTPUTS if (Path(output) / name).exists()]
     if earlier and not replace:
@@ -215,12 +208,14 @@ def identify(
             click.echo(f"{one.path.name}: {one.unused_note}", err=True)
     if as_json:
         units = dict(field.series[0].units)
-        about = {"status": identified.status, "reason": identified.reason, "output": output}
-        about["findings"] = [each.as_dict() for each in identified.findings]
-        about["files"] = {name: str(Path(output) / name) for name in OUTPUTS}
-        numbers = {"summary": read_json(Path(output) / "summary.json")}
-        rows = model_rows(identified, units)
-        click.echo(json_text({**about, "inputs": units, **numbers, "coefficients": rows}))
+        content = {
+            "status": identified.status, "reason": identified.reason, "output": output,
+            "findings": [each.as_dict() for each in identified.findings],
+            "files": {name: str(Path(output) / name) for name in OUTPUTS},
+            "inputs": units, "summary": read_json(Path(output) / "summary.json"),
+            "coefficients": model_rows(identified, units),
+        }  # fmt: skip
+        click.echo(json_text(content))
     else:
         text, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
         click.echo(f"{text}Written to {output}: summary.md also contains the technical part")
@@ -257,9 +252,9 @@ def _write_mapping(file, path, options) -> dict:
     from galloping.storage import write_text
 
     given = {key for key, value in options.items() if value not in (None, ())}
-    if more := given - {"time_column", "rate", "decimal", "units"}:
+    if other := given - {"time_column", "rate", "decimal", "units"}:
         raise MappingError(
-            f"--write-map goes with --time, --rate, --unit and --decimal; not {min(more)}"
+            f"--write-map goes with --time, --rate, --unit and --decimal; not {min(other)}"
         )
     if Path(path).exists():
         raise MappingError(f"{path}: exists; name another file, or remove it")
@@ -298,9 +293,10 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
+    from galloping.storage import read_json
     from galloping.summary.analysis import read_field
     from galloping.summary.csv_rows import forecast_rows
-    from galloping.summary.driving import inputs_after
+    from galloping.summary.driving import read_later_inputs
     from galloping.summary.summarise import forecast as forecast_from
 
     loaded = _load_usable(model)
@@ -308,12 +304,13 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
         mapping["inputs"] = mapping["inputs"] or loaded.model.inputs
-    field = read_field([file], _make_mapping(file, mapping).with_between(_read_between(model)))
+    kinds = read_json(model).get("between", {})
+    field = read_field([file], _make_mapping(file, mapping).with_between(kinds))
     if field.mapping.states != states:
         raise ValueError(
             f"{model}: has the states {', '.join(states)}, not {', '.join(field.mapping.states)}"
         )
-    inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
+    inputs = read_later_inputs(field, loaded.model.inputs, at, inputs_file)
     _warn_of_extrapolation(loaded, inputs)
     recording, time = field.recordings[-1], None
     if duration:
@@ -375,16 +372,16 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     """
     import numpy as np
 
-    from galloping.summary.driving import read_model_inputs, usual_sampling
+    from galloping.storage import read_json
+    from galloping.summary.driving import choose_sampling, read_model_inputs
 
     loaded = _load_usable(model)
-    inputs = read_model_inputs(
-        model, loaded.model.inputs, at, inputs_file, time_column, _read_between(model)
-    )
-    measured = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
-    known = min(measured, default=np.inf)
-    if duration and duration > known:
-        raise ValueError(f"--duration {duration:g}: {inputs_file} ends {known:g} s after its begin")
+    kinds = read_json(model).get("between", {})
+    inputs = read_model_inputs(model, loaded.model.inputs, at, inputs_file, time_column, kinds)
+    ends = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
+    end = min(ends, default=np.inf)
+    if duration and duration > end:
+        raise ValueError(f"--duration {duration:g}: {inputs_file} ends {end:g} s after its begin")
     states = loaded.model.states
     if initial:
         try:
@@ -398,9 +395,9 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
         start = loaded.initial_states[0]
     else:
         raise ValueError(f"{model}: holds no initial state; say --initial")
-    usual, often = usual_sampling(loaded.model, start, inputs)
+    usual_duration, usual_rate = choose_sampling(loaded.model, start, inputs)
     _warn_of_extrapolation(loaded, inputs)
-    duration, rate = duration or min(known, usual), rate or often
+    duration, rate = duration or min(end, usual_duration), rate or usual_rate
     rows = _simulate_rows(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
     print_rows(rows, as_json)
     _warn_of_status(loaded)
@@ -416,7 +413,6 @@ def _warn_of_extrapolation(model, inputs) -> None:
 
 
 def _warn_of_status(model) -> None:
-    """Say on standard error that a model is not `ok`."""
     if model.status != "ok":
         click.echo(f"Caution: status of the model: {model.verdict}", err=True)
 

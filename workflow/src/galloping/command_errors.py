@@ -16,8 +16,8 @@ class OneLineErrors(click.Group):
 
     def invoke(self, context: click.Context) -> object:
         """Run the command; exit with code 1 after an input error, 128 + signal after a signal."""
-        with suppress(ValueError):  # of another thread than the first
-            # so that nothing unfinished is left
+        with suppress(ValueError):  # not in the main thread
+            # exit through `finally` blocks, so that no unfinished file remains
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             return super().invoke(context)
@@ -32,11 +32,11 @@ class OneLineErrors(click.Group):
         except ModuleNotFoundError as error:
             raise click.ClickException(missing_line(error)) from error
         except BrokenPipeError:
-            raise  # whoever read the rows has enough of them
+            raise  # the reader of the rows has closed the pipe
         except OSError as error:
             what = error.filename or (error.errno and "standard output")
             if what == "standard output":
-                with suppress(OSError):  # else what is left in it fails once more at the end
+                with suppress(OSError):  # otherwise its buffer raises again at exit
                     sys.stdout.close()
             text = f"{what}: {error.strerror}" if what else str(error)
             raise click.ClickException(_as_printable(text)) from error

@@ -25,16 +25,16 @@ from galloping.recording.containers import (
     split_samples,
 )
 from galloping.recording.samples import Recording
-from galloping.summary.summarise import motion_scores
+from galloping.summary.summarise import score_motion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from sklearn.utils import Tags
 
 Library: TypeAlias = str | Sequence[str] | Sequence[Exponents] | None
-# Of the default library: cubic terms, as friction, drag and stiffness have them, where the terms
-# of an equation are then few enough to be told apart by a recording of some periods.
-DEFAULT_DEGREE, HIGH_ORDER_STATES, DEGREE_OF_MANY = 3, 4, 2
+# Degree of the default library: friction, drag and stiffness have cubic terms, but a recording of
+# some periods does not distinguish the many cubic terms of more states and inputs.
+DEFAULT_DEGREE, MAX_CUBIC_NAMES, DEGREE_OF_MANY = 3, 4, 2
 
 
 class NotFittedError(ValueError, AttributeError):
@@ -208,7 +208,7 @@ class MaximumLikelihood:
             x = x.values
         _, _, values, driving = split_samples(x, None, u, model.states)
         self._check_inputs(driving)
-        given = Table.of("u", driving).matrix(model.inputs)[1] if model.inputs else None
+        given = Table.from_data("u", driving).matrix(model.inputs)[1] if model.inputs else None
         if given is not None and len(given) != len(values):
             raise ValueError(f"u: has {len(given)} samples; x has {len(values)}")
         return model(values, given)
@@ -271,11 +271,10 @@ class MaximumLikelihood:
         for one in recordings:
             self._check_inputs(one)
         if x_dot is None:
-            return float(np.mean(motion_scores(identified, recordings)))
+            return float(np.mean(score_motion(identified, recordings)))
         given = np.concatenate([one.rates for one in recordings if one.rates is not None])
         error = given - np.concatenate([self.predict(one) for one in recordings])
-        left, whole = np.nanmean(error**2, axis=0), np.nanvar(given, axis=0)
-        return float(np.nanmean(1.0 - left / whole))
+        return float(np.nanmean(1.0 - np.nanmean(error**2, axis=0) / np.nanvar(given, axis=0)))
 
     def equations(self) -> list[str]:
         """Return each state's equation as text, with standard errors of the coefficients."""
@@ -345,8 +344,7 @@ class MaximumLikelihood:
         """Return the terms of the library, and the equations in which each may be."""
         count = len(states) + len(inputs)
         if self.library is None:
-            few = count <= HIGH_ORDER_STATES
-            usual = DEFAULT_DEGREE if few else DEGREE_OF_MANY
+            usual = DEFAULT_DEGREE if count <= MAX_CUBIC_NAMES else DEGREE_OF_MANY
             return polynomial_library(count, usual if self.degree is None else self.degree), None
         if self.degree is not None:
             raise ValueError(f"degree: {self.degree!r:.60}; must be None beside a library")

@@ -43,7 +43,7 @@ def make_error(text: str, *below: str) -> PydanticCustomError:
     return PydanticCustomError("invalid", "{text}", {"text": text, "below": below})
 
 
-def _number(value: Any) -> Any:
+def _as_number(value: Any) -> Any:
     # YAML 1.1 wants a point and a signed exponent, so `1e-3` arrives as text; so does every number
     # inside the braces of `--config 'figures={"dpi": 100}'`.
     if isinstance(value, str) and DECIMAL.fullmatch(value):
@@ -51,43 +51,40 @@ def _number(value: Any) -> Any:
     return value
 
 
-def _whole(value: Any) -> Any:
+def _as_integer(value: Any) -> Any:
     if isinstance(value, str) and DIGITS.fullmatch(value):
         return int(value)
-    value = _number(value)
+    value = _as_number(value)
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _some(values: tuple) -> tuple:
+def _check_nonempty(values: tuple) -> tuple:
     if not values:
         raise make_error("[] is empty; must hold at least one")
     return values
 
 
-def _distinct(values: tuple) -> tuple:
+def _check_distinct(values: tuple) -> tuple:
     written: dict[str, object] = {}
     for value in values:
         text = f"{value:.12g}" if isinstance(value, float) else str(value)  # as cells are named
         if text in written:
             other = written[text]
-            again = (
-                f"{show(value)} is given twice"
-                if value == other
-                else f"{value!r} and {other!r} agree to twelve digits"
-            )
-            raise make_error(f"{again}; must be distinct")
+            if value == other:
+                raise make_error(f"{show(value)} is given twice; must be distinct")
+            raise make_error(f"{value!r} and {other!r} agree to twelve digits; must be distinct")
         written[text] = value
     return values
 
 
 def real(**bounds: Any) -> Any:
     """Make the pydantic type of a finite float within bounds (gt, ge, lt, le)."""
-    return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_number)]
+    return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_as_number)]
 
 
 def whole(**bounds: Any) -> Any:
     """Make the pydantic type of an integer within bounds (gt, ge, lt, le)."""
-    return Annotated[int, Field(**bounds), BeforeValidator(_whole)]
+    return Annotated[int, Field(**bounds), BeforeValidator(_as_integer)]
 
 
 def one_of(names: tuple[str, ...]) -> Any:
@@ -108,13 +105,13 @@ def listing(*items: Any) -> Any:
 def distinct(item: Any, **schema: int) -> Any:
     """Make the type of a list of different items; `schema` has further JSON schema entries."""
     unique = Field(strict=False, json_schema_extra={**schema, "uniqueItems": True})
-    return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
+    return Annotated[tuple[item, ...], unique, AfterValidator(_check_distinct)]
 
 
 def selection(item: Any) -> Any:
     """Make the pydantic type of a list with at least one item and no two equal items."""
-    # Checked in `_some`: min_length would also count out the items that are wrong.
-    return Annotated[distinct(item, minItems=1), AfterValidator(_some)]
+    # Not by min_length, which would not count invalid items.
+    return Annotated[distinct(item, minItems=1), AfterValidator(_check_nonempty)]
 
 
 def setting(default: Any, description: str, unit: str = "") -> Any:

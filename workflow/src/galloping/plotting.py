@@ -14,7 +14,7 @@ from galloping.identification.inputs import checked_recordings
 from galloping.model.polynomial import velocity_pairs
 from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input, Recording
-from galloping.summary.summarise import PERIODS, forecast, longest_period, motions_beside
+from galloping.summary.summarise import PERIODS, forecast, longest_period, simulate_beside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
         if model.is_forced:
             return draw_spectra(model, given[-1])
         length = min(PERIODS * longest_period(given), np.ptp(given[-1].time))
-        return draw_fit(given[-1], motions_beside(model, given[-1], length))
+        return draw_fit(given[-1], simulate_beside(model, given[-1], length))
 
 
 @one_thread

@@ -55,11 +55,9 @@ def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -
 
 def is_time(header: str) -> bool:
     """Decide from its name whether a column contains times."""
-    words = split_words(header)
     is_labview = split_header(header)[0] == "X_Value"
-    is_other = _has_word(words - TIMES_LIKE_TEMPERATURE, *OTHER_QUANTITIES)
-    is_named = _has_word({word for word in words if not NO_TIME.search(word)}, TIMES, TIME_WORDS)
-    return is_labview or (is_named and not is_other)
+    words = {word for word in split_words(header) if not NO_TIME.search(word)}
+    return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not is_beside_motion(header))
 
 
 def is_count(header: str) -> bool:
@@ -101,9 +99,8 @@ def measured_quantity(header: str, unit: str = "") -> str:
     is_contradicted = kinds and orders and kinds != orders
     if not axis or len(kinds) > 1 or (unit and not orders) or is_contradicted:
         return ""
-    if not kinds and (
-        (word in SHORT_WORDS and orders == [1]) or (word in SHORT_WORDS - LETTERS and not orders)
-    ):
+    is_short = not kinds and word in SHORT_WORDS
+    if is_short and (orders == [1] or (not orders and word not in LETTERS)):
         return ""
     return "d" * (kinds or orders or [0])[0] + "q_" + axis
 
@@ -112,14 +109,9 @@ def quantity_by_name_alone(header: str, unit: str = "") -> str:
     """Return the motion that a column's name indicates if its unit contradicts that, else ''."""
     name, own_unit = split_header(header)
     axis, kinds, word = _direction_and_kinds(name, "")
-    if (
-        not (own_unit or unit)
-        or measured_quantity(header, unit)
-        or not axis
-        or (word in SHORT_WORDS and not kinds)
-    ):
-        return ""
-    return measured_quantity(name)
+    is_clear = axis and (kinds or word not in SHORT_WORDS)
+    is_contradicted = (own_unit or unit) and not measured_quantity(header, unit)
+    return measured_quantity(name) if is_clear and is_contradicted else ""
 
 
 def is_no_direction(header: str, alike: Collection[str], names: Iterable[str]) -> bool:

@@ -79,9 +79,9 @@ def likely_unit(order: int, values: np.ndarray, alike: Iterable[np.ndarray] = ()
         return "mm" if len(known) and np.ptp(known) > MAX_SPAN_MOTION else "m"
     for one in (values, *alike):
         mean = abs(np.nanmean(one)) if np.isfinite(one).any() else 0.0
-        unit = min(GRAVITIES, key=lambda unit: abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0))
-        if abs(mean * GRAVITIES[unit] / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE:
-            return unit
+        errors = {u: abs(mean * size / STANDARD_GRAVITY - 1.0) for u, size in GRAVITIES.items()}
+        if min(errors.values()) < GRAVITY_TOLERANCE:
+            return min(errors, key=errors.__getitem__)
     return "m/s^2"
 
 

@@ -103,7 +103,8 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
         notes.append(f"rows before the data were left out: {len(unused)}, from row {unused[0]} on")
     units: list[str | None] = [None] * columns
     if units_row is not None and units_row != header:
-        units = _read_units(fitted[units_row])
+        row = fitted[units_row]
+        units = [None if UNITS_LABEL.fullmatch(c) else c.strip("[]()") or None for c in row]
     line = starts[first] + 1 if first < len(starts) else len(lines) + 1
     return Layout(separator, decimal, names, units, first, line, tuple(notes))
 
@@ -283,17 +284,12 @@ def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]])
     return next((k for k in sorted(fitted, reverse=True) if is_units(k)), None)
 
 
-def _read_units(row: Sequence[str]) -> list[str | None]:
-    """Extract the units from a row of them, without brackets, None for a cell without one."""
-    return [None if UNITS_LABEL.fullmatch(cell) else cell.strip("[]()") or None for cell in row]
-
-
 def _fill_names(names: Sequence[str], above: Sequence[str]) -> list[str]:
     """Fill cells without a name, or with a unit of times, from known names in the row above."""
     filled = list(names)
-    for j, (own, upper) in enumerate(zip(names, above, strict=False)):
-        if own in SHORT_TIME_UNITS | {""} and _count_known_names([upper]):
-            filled[j] = f"{upper} [{own}]" if own else upper
+    for j, (name, upper) in enumerate(zip(names, above, strict=False)):
+        if name in SHORT_TIME_UNITS | {""} and _count_known_names([upper]):
+            filled[j] = f"{upper} [{name}]" if name else upper
     return filled
 
 
@@ -325,7 +321,7 @@ def _find_header(
         return None
 
     def differs(row: Sequence[str]) -> bool:
-        kept = "\n".join(row).rstrip("\n").split("\n")
+        kept = _drop_empty_end(row)
         return len(set(kept)) == len(kept)
 
     known = {k: _count_known_names(row) for k, row in text.items()}

@@ -124,27 +124,27 @@ def _mode_weights(channels: list[Channel], span: float | None) -> np.ndarray:
 
 def _interpolate_together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
     """Interpolate columns with other times to the times of the first one."""
-    times = [np.isfinite(column) for column in columns]
-    if all(np.count_nonzero(times[0] & own) >= 0.5 * own.sum() for own in times[1:]):
+    first, *others = [np.isfinite(column) for column in columns]
+    if all(np.count_nonzero(first & known) >= 0.5 * known.sum() for known in others):
         return columns
-    step = np.median(np.diff(time[times[0]]))
-    together = [columns[0]]
-    for column, own in zip(columns[1:], times[1:], strict=True):
-        known = time[own]
-        between = CubicSpline(known, column[own], extrapolate=False)(time)
-        after = np.minimum(np.searchsorted(known, time), len(known) - 1)
-        apart = known[after] - known[np.maximum(after - 1, 0)]
-        together.append(np.where(apart < 2.5 * step, between, np.nan))
-    return together
+    step = np.median(np.diff(time[first]))
+    interpolated = [columns[0]]
+    for column, known in zip(columns[1:], others, strict=True):
+        knots = time[known]
+        values = CubicSpline(knots, column[known], extrapolate=False)(time)
+        after = np.minimum(np.searchsorted(knots, time), len(knots) - 1)
+        gaps = knots[after] - knots[np.maximum(after - 1, 0)]
+        interpolated.append(np.where(gaps < 2.5 * step, values, np.nan))
+    return interpolated
 
 
 def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Align the channels, at their own times, on the union of these times."""
+    """Align delayed channels on the union of their true times."""
     tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
-    moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
-    time = np.unique(np.concatenate(moved))
+    true_times = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
+    time = np.unique(np.concatenate(true_times))
     columns = []
-    for moments, values in zip(moved, series.values.T, strict=True):
+    for moments, values in zip(true_times, series.values.T, strict=True):
         column = np.full(len(time), np.nan)
         column[np.searchsorted(time, moments)] = values
         columns.append(column)

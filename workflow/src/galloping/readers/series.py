@@ -125,7 +125,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             for code, count in codes.items()
         ]
         if len(column) != len(time):
-            clock = f"the times {mapping.time.column!r}" if mapping.time else "the others"
+            clock = f"the times {mapping.time.column!r} have" if mapping.time else "the others have"
             raise FileError(
                 f"{table.label(one.column)} has {len(column)} rows, {clock} {len(time)}"
             )

@@ -47,7 +47,7 @@ class Table:
     is_named: bool = True
 
     @classmethod
-    def of(cls, what: str, data: Any) -> "Table":
+    def from_data(cls, what: str, data: Any) -> "Table":
         """Make a table from an array, a data frame or a mapping of columns.
 
         The columns of an array are `what` and a number. Raises ValueError, beginning with `what`,
@@ -73,8 +73,8 @@ class Table:
         The message begins with `what`.
         """
         if name not in self.columns:
-            there = ", ".join(self.columns)
-            raise ValueError(f"{what}: no column {name!r}; must be one of {there:.60}")
+            names = ", ".join(self.columns)
+            raise ValueError(f"{what}: no column {name!r}; must be one of {names:.60}")
         return self.columns.pop(name)
 
     def pop_times(self, t: Any = None) -> Any:
@@ -126,7 +126,7 @@ def split_samples(
     Parameters are those of `make_recordings`. Times are None if unspecified. Inputs that are
     columns of `x` are a mapping, others are returned unchanged.
     """
-    table = Table.of("x", x)
+    table = Table.from_data("x", x)
     times = table.pop_times(t)
     if isinstance(t, str) or t is None:
         t = times
@@ -203,7 +203,7 @@ def _make_recording(
         raise ValueError("t: is missing; must be the times of the samples or their step, in s")
     rates = None
     if x_dot is not None:
-        table = Table.of("x_dot", x_dot)
+        table = Table.from_data("x_dot", x_dot)
         table.pop_times()
         rates = table.matrix(names)[1]
     driving = make_inputs(driving, time, inputs, between)
@@ -222,17 +222,15 @@ def make_inputs(
     """
     if u is None:
         return {}
-    if isinstance(u, Mapping) and names is None:
-        columns = {str(name): values for name, values in u.items()}
-    elif isinstance(u, Mapping) and set(names or ()) <= set(u):
-        columns = {name: u[name] for name in names or ()}
+    if isinstance(u, Mapping) and set(names or ()) <= set(u):
+        columns = {str(name): u[name] for name in (u if names is None else names)}
     else:
         if callable(u):
             u = np.array([np.ravel(u(each)) for each in time])
-        table = Table.of("u", u)
+        table = Table.from_data("u", u)
         table.pop_times()
-        own, values = table.matrix(names)
-        columns = dict(zip(own, values.T, strict=True))
+        names, values = table.matrix(names)
+        columns = dict(zip(names, values.T, strict=True))
     inputs: dict[str, Any] = {}
     for name, values in columns.items():
         if isinstance(values, Input):

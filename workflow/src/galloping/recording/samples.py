@@ -125,16 +125,16 @@ class Input(Immutable):
 
     @cached_property
     def _pieces(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        there = np.isfinite(self.values)
-        time, values = self.time[there], self.values[there]
+        known = np.isfinite(self.values)
+        time, values = self.time[known], self.values[known]
         if self.between == "zero":
-            rows = np.diff(np.flatnonzero(there))
-            apart = rows > 1.5 * np.median(rows)
+            rows = np.diff(np.flatnonzero(known))
+            is_gap = rows > 1.5 * np.median(rows)
         else:
             steps = np.diff(time)
-            apart = steps > INTERPOLATED_STEPS * np.median(steps)
-        at = np.flatnonzero(apart) + 1
-        pieces = zip(np.split(time, at), np.split(values, at), strict=True)
+            is_gap = steps > INTERPOLATED_STEPS * np.median(steps)
+        edges = np.flatnonzero(is_gap) + 1
+        pieces = zip(np.split(time, edges), np.split(values, edges), strict=True)
         return [piece for piece in pieces if len(piece[0]) > 1]
 
     def covered(self, time: ArrayLike) -> NDArray[np.bool_]:
@@ -269,13 +269,13 @@ def fit_windows(
     points, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     half = np.diff(breaks)[:, None] / 2.0
     time = breaks[:-1, None] + half * (1.0 + points)
-    held = np.stack([evaluate_extended(one, time) for one in inputs])
+    signals = np.stack([evaluate_extended(one, time) for one in inputs])
     place = np.clip((time - edges[window][:, None]) / step, 0.0, 1.0)
     basis = legvander(2.0 * place - 1.0, degree) * (2 * np.arange(degree + 1) + 1.0)
     weighted = basis * (half * weights / step)[..., None]
     first = np.searchsorted(window, np.arange(windows))
     for k, factor in enumerate(factors):
-        values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
+        values = np.prod(signals ** np.array(factor, float)[:, None, None], axis=0)
         moments = np.einsum("sp,spd->sd", values, weighted)
         polynomials[:, :, k] = np.add.reduceat(moments, first) @ powers_of_legendre(degree)
     return polynomials
@@ -296,10 +296,10 @@ def fit_errors(
     windows, n_powers, _ = powers.shape
     place = (np.arange(WINDOW_POINTS) + 0.5) / WINDOW_POINTS
     time = start + step * (np.arange(windows)[:, None] + place)
-    held = np.stack([evaluate_extended(one, time) for one in inputs])
+    signals = np.stack([evaluate_extended(one, time) for one in inputs])
     errors = []
     for k, factor in enumerate(factors):
-        values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
+        values = np.prod(signals ** np.array(factor, float)[:, None, None], axis=0)
         rest = values - powers[:, :, k] @ place ** np.arange(n_powers)[:, None]
         once = np.cumsum(rest, axis=1) * step / WINDOW_POINTS
         twice = np.cumsum(once, axis=1) * step / WINDOW_POINTS
@@ -441,9 +441,9 @@ class Recording(Immutable):
 
     def __repr__(self) -> str:
         first, last = self.time[[0, -1]]
-        held = {"exact " if self.exact else "": self.values, "d": self.rates}
+        arrays = {"exact " if self.exact else "": self.values, "d": self.rates}
         channels = []
-        for prefix, array in held.items():
+        for prefix, array in arrays.items():
             for state, column in zip(self.states, () if array is None else array.T, strict=False):
                 missing = 100 * np.mean(np.isnan(column))
                 if missing < 100:
@@ -515,19 +515,18 @@ class Recording(Immutable):
         if len({len(times), *map(len, columns.values())}) > 1:
             raise ValueError("recording: columns differ in length")
         values = np.array([columns[name] for name in states]).T.reshape(len(times), len(states))
-        own = {}
+        driving = {}
         for name in inputs:
             try:
-                own[name] = Input(times, columns[name], between)
+                driving[name] = Input(times, columns[name], between)
             except ValueError as error:
                 raise ValueError(f"recording: column {name!r}: {error}") from None
-        return cls(times, states, values, inputs=own)
+        return cls(times, states, values, inputs=driving)
 
     def __getitem__(self, rows: slice) -> "Recording":
         """Return the samples of a slice, such as `recording[:100]`, two or more."""
-        own = ("values", "rates")
-        cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
-        return replace(self, time=self.time[rows], **cut)
+        rates = None if self.rates is None else self.rates[rows]
+        return replace(self, time=self.time[rows], values=self.values[rows], rates=rates)
 
     def driven(self, names: Sequence[str], least: int = 2) -> "list[Recording]":
         """Return as recordings the stretches in which all named inputs are present.
@@ -536,18 +535,17 @@ class Recording(Immutable):
         more. The recording itself is returned if it has just these inputs and no sample is omitted.
         """
         inputs = {name: self.inputs[name] for name in names}
-        there = np.ones(len(self.time), bool)
+        covered = np.ones(len(self.time), bool)
         begins = [np.empty(0)]
         for one in inputs.values():
-            there &= one.covered(self.time)
+            covered &= one.covered(self.time)
             begins.append(np.array(one.stretches)[:, 0] - time_tie(one.time))
         piece = np.searchsorted(np.sort(np.concatenate(begins)), self.time, side="right")
-        if there.all() and len(np.unique(piece)) == 1:
+        if covered.all() and len(np.unique(piece)) == 1:
             return [self if list(self.inputs) == list(names) else replace(self, inputs=inputs)]
-        rows = (np.flatnonzero(there & (piece == k)) for k in np.unique(piece))
-        return [
-            replace(self, inputs=inputs)[own[0] : own[-1] + 1] for own in rows if len(own) >= least
-        ]
+        parts = (np.flatnonzero(covered & (piece == k)) for k in np.unique(piece))
+        driven = replace(self, inputs=inputs)
+        return [driven[rows[0] : rows[-1] + 1] for rows in parts if len(rows) >= least]
 
     @property
     def step(self) -> float:
@@ -568,9 +566,9 @@ def sampling_step(time: NDArray[np.float64], values: NDArray[np.float64]) -> flo
     time: (n,). values: (n, n_channels), NaN where missing: loggers may write the sensors in turn.
     """
     known = np.isfinite(values)
-    own = (time[column] for column in known.T if not column.all() and np.count_nonzero(column) > 1)
-    every = [time] if not known.size or known.all(axis=0).any() else []
-    steps = [np.median(np.diff(one)) for one in (*every, *own)]
+    times = [time[column] for column in known.T if not column.all() and column.sum() > 1]
+    times += [time] if not known.size or known.all(axis=0).any() else []
+    steps = [np.median(np.diff(each)) for each in times]
     return float(min(steps, default=np.median(np.diff(time))))
 
 

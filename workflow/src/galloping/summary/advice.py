@@ -15,10 +15,10 @@ from galloping.model.polynomial import term_name, velocity_pairs
 from galloping.readers.units import coefficient_unit, is_span, state_unit
 from galloping.recording.samples import Recording
 
-FARTHER = 1.5  # times the largest displacement from rest that was recorded
-FARTHEST = 2.0  # times the same, to which a release may lead: the model tells no motion beyond
-LONGEST = 60  # periods, of a further recording
-WEIGHED = 40  # samples that information is summed over: more are weighed, not integrated
+RELEASE_FACTOR = 1.5  # of the initial displacement to the largest recorded one, from rest
+MAX_FACTOR = 2.0  # of a displacement to the same: the model is unknown beyond
+MAX_PERIODS = 60  # of a further recording
+SAMPLES_PER_PERIOD = 40  # of the sum of information: more samples count by a smaller noise
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Advice:
     """Error of the least certain coefficient, now and after each of several further recordings.
 
     The errors follow from the Cramér-Rao bound. term: the least certain one, with its equation.
-    coefficient, standard_error: present ones, in unit. duration_s: of a further recording. options:
+    coefficient, standard_error: now, in `unit`. duration_s: of a further recording. options:
     standard error after each further recording, by its description, the best first.
     """
 
@@ -38,12 +38,12 @@ class Advice:
     options: Mapping[str, float]
 
 
-def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
+def advise(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
     """Predict how much one more recording would reduce the least certain coefficient's error.
 
-    The further recording has the sensors of the last one. period: s, of the motion. None if there
-    is no exact model, since errors of an approximate one are not noise; if the motion only repeats,
-    since other terms describe it too; and if no channel measures a state.
+    The further recording has the sensors of the last one. period: s, of the motion. Returns None if
+    there is no exact model, since errors of an approximate one are not noise; if the motion only
+    repeats, since other terms describe it too; and if no channel measures a state.
     """
     exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
     driven = identified.is_forced or identified.model.inputs  # which differ in another recording
@@ -61,9 +61,9 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     if not np.isfinite(now.std[weakest]):  # lost in rounding
         return None
     equation, term = free[weakest]
-    duration = min(recording.time[-1] - recording.time[0], LONGEST * period)
+    duration = min(recording.time[-1] - recording.time[0], MAX_PERIODS * period)
     step = recording.step
-    thin = max(round_down(period / WEIGHED / step), 1)
+    thin = max(round_down(period / SAMPLES_PER_PERIOD / step), 1)
     sigma = np.where(np.isfinite(identified.sigma[-1]), identified.sigma[-1], np.inf)
     first = Experiment(
         identified.initial_states[0],
@@ -95,9 +95,10 @@ def _list_further_recordings(
     states = identified.model.states
     pairs = velocity_pairs(states)
     around = Surroundings.of([recording])
-    rest = around.middle if (found := around.rest(identified.model)) is None else found
+    equilibrium = around.rest(identified.model)
+    rest = around.middle if equilibrium is None else equilibrium
     twice = first.time[1] * np.arange(2 * len(first.time))
-    of_span = is_span(states)  # no line is made to start as it did
+    of_span = is_span(states)  # which nobody can start in the same state again
     again = "another event like this one" if of_span else "the same motion again"
     options = {
         again: first,
@@ -114,20 +115,20 @@ def _list_further_recordings(
             recorded = np.nanmax(np.abs(recording.values[:, k] - rest[k]))
             if not recorded:
                 continue
-            away = FARTHER * recorded
+            away = RELEASE_FACTOR * recorded
             height = round(rest[k] + away, 1 - floor(log10(away)))
             start = first.initial_state.copy()
             start[list(pairs.values())] = 0.0
             start[k] = height
-            led = np.abs(identified.simulate(start, first.time).states[:, k] - rest[k])
-            if not np.all(led < FARTHEST * recorded):
+            distances = np.abs(identified.simulate(start, first.time).states[:, k] - rest[k])
+            if not np.all(distances < MAX_FACTOR * recorded):
                 continue
             at_rest = " at rest" if pairs else ""
             place = f"{states[k]} = {height:g} {state_unit(states[k])}".removesuffix(" 1")
             options[f"a release from {place}{at_rest}"] = replace(first, initial_state=start)
     unseen = [v for k, v in pairs.items() if not np.isfinite(first.sigma[v])]
     if unseen and bounded:
-        # as well as displacements are: the same share of the motion is noise
+        # with the noise of displacements, relative to the motion
         size, sigma = motion.std(axis=0), first.sigma.copy()
         for k, v in pairs.items():
             sigma[v] = min(sigma[v], size[v] * sigma[k] / size[k])

@@ -41,7 +41,7 @@ from galloping.storage import write_json, write_rows, write_text
 from galloping.summary.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.summary.numbers import compute_numbers
 from galloping.summary.summarise import METHODS, Summary, longest_period, summarise_with
-from galloping.summary.terminal import SEARCHED, json_text
+from galloping.summary.terminal import SEARCH_SHARE, json_text
 from galloping.summary.wording import BETWEEN_IN_WORDS, escape_markdown, render_summary
 
 FAULTS = (  # of channels, for which there may be no model
@@ -232,7 +232,7 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
         return identify_excerpts(method, list(recordings), terms, known, known_states, **options)
 
     with limit_work(given):
-        with part("identify", until=SEARCHED):
+        with part("identify", until=SEARCH_SHARE):
             identified = identify(given)
         with part("summarise", until=0.8):
             summary = summarise_with(
@@ -250,15 +250,14 @@ def check_inputs_informative(
     series: of all files. terms: exponents of states and inputs.
     """
     for k, name in enumerate(series[0].inputs, start=n_states):
-        own = [one.inputs[name].values for one in series]
-        least, most = (f([f(v[np.isfinite(v)]) for v in own]) for f in (min, max))
+        values = np.concatenate([one.inputs[name].values for one in series])
+        least, most = np.nanmin(values), np.nanmax(values)
         if least == most:
             raise ValueError(
                 f"{series[0].path}: input {name} is {least:g} throughout: the effect of a "
                 "constant input cannot be determined; leave it out"
             )
-        divides = any(term[k] < 0 for term in terms)
-        if divides and least <= 0.0 <= most:
+        if least <= 0.0 <= most and any(term[k] < 0 for term in terms):
             raise ValueError(
                 f"{series[0].path}: input {name} crosses zero, from {least:g} to {most:g}, and "
                 f"the library divides by it; leave out the terms with /{name}"

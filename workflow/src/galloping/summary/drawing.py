@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from galloping.readers.series import Series
 
 DPI, FONT_SIZE = 150, 8
-ROW = 1.7  # inches, of a row of panels
-LABEL = 26  # letters, that a row has room for
-POINTS = 1500  # of an envelope: more than a figure has pixels
+ROW_HEIGHT = 1.7  # inches
+LABEL_WIDTH = 26  # letters in the height of a row
+ENVELOPE_POINTS = 1500  # of an envelope: more than a figure has pixels
 SEGMENTS = 6  # of a recording, whose spectra are averaged
-DECADES = 6  # of a spectrum
-EDGE = "#a8741a"  # of the band, so that it is seen in grey
+DECADES = 6  # of a spectrum that are shown
+EDGE = "#a8741a"  # of the band, which is visible in grey, too
 MARK: Mapping[str, Any] = {"color": PAPER, "lw": 0.8, "ls": ":"}
 
 
@@ -52,18 +52,19 @@ def draw_quality(
         fastest = max(peaks, default=np.inf)
         for channel, values in zip(mapping.channels, of_file.values.T, strict=True):
             dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
-            title, label = _title(channel.column, report), _with_unit(channel.measures)
+            title, label = _format_title(channel.column, report), _format_label(channel.measures)
             rows.append((title, label, of_file.time, values, gaps, dominant, fastest))
         for column in mapping.inputs:
             one, unit = of_file.inputs[column.name], of_file.units[column.name]
             unknown = [(a[1], b[0]) for a, b in pairwise(one.stretches)]
-            title = f"{_title(column.column, report)}, an input"
+            title = f"{_format_title(column.column, report)}, an input"
             label = f"{column.name}, {unit}".removesuffix(", 1")
             rows.append((title, label, one.time, one.values, unknown, [], fastest))
     shared = len(series) == 1  # files differ in their times
     figure, grid = parts.panels(
-        0.5 + ROW * len(rows), len(rows), 2, sharex="col" if shared else "none", width_ratios=(2, 1)
-    )
+        0.5 + ROW_HEIGHT * len(rows), len(rows), 2, sharex="col" if shared else "none",
+        width_ratios=(2, 1),
+    )  # fmt: skip
     reach = 0.0
     for k, ((left, right), row) in enumerate(zip(grid, rows, strict=True)):
         title, label, time, values, gaps, dominant, fastest = row
@@ -84,10 +85,10 @@ def draw_quality(
             )  # fmt: skip
         top = min(5 * fastest, frequency[-1])
         shown = frequency <= top
-        if share.any():  # of what is constant there is none, which has no logarithm
+        if share.any():  # the power of a constant is zero, without a logarithm
             right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
         right.yaxis.set_minor_locator(NullLocator())
-        right.yaxis.set_major_formatter("{x:.0e}")  # powers as formulas take long
+        right.yaxis.set_major_formatter("{x:.0e}")  # formulas for powers of ten take long
         reach = max(reach, top) if shared else top  # an input may be slower than the motion
         right.set(xlim=(0, reach), ylabel="share of the power")
     for left, right in grid[-1:] if shared else grid:
@@ -97,7 +98,7 @@ def draw_quality(
     return figure
 
 
-def _title(column: str, report: dict) -> str:
+def _format_title(column: str, report: dict) -> str:
     """Format the names of a column and its file, in which a dollar begins no formula."""
     return f"{column} of {report['file']}".replace("$", r"\$")
 
@@ -109,10 +110,10 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
     """
     if not motions:
         return parts.make_empty_figure("the recording gives no model to draw beside it")
-    figure, panels, samples = _channels(recording, len(motions))
+    figure, panels, samples = _make_channel_panels(recording, len(motions))
     for (_, column, k), axes in panels.items():
         time, motion = motions[column]
-        _samples(axes, recording.time, samples[:, k], (time[0], time[-1]))
+        _plot_samples(axes, recording.time, samples[:, k], (time[0], time[-1]))
         axes.plot(time, motion[:, k], color=MODEL, label="model, started anew in each part")
     parts.legend(figure)
     return figure
@@ -131,12 +132,10 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     power /= np.isfinite(grid).mean(axis=0)
     shown = frequency > 0
     fine, densities = model_spectra(found, recording, np.random.default_rng(0))
-    figure, (row,) = parts.panels(0.5 + ROW, columns=len(channels.names), sharex=True)
+    figure, (row,) = parts.panels(0.5 + ROW_HEIGHT, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
         parts.letter(axes, k, meaning(name) or name)
-        axes.semilogy(
-            frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples"
-        )  # fmt: skip
+        axes.semilogy(frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples")
         axes.semilogy(fine, densities[:, k], color=MODEL, label="model in random forces")
         unit = state_unit(name).replace("^2", "²")
         unit = f"({unit})" if "/" in unit else unit
@@ -154,7 +153,7 @@ def draw_forecast(
     """
     if not forecasts:
         return parts.make_empty_figure("the recording gives no model to forecast with")
-    figure, panels, _ = _channels(recordings[-1], len(forecasts))
+    figure, panels, _ = _make_channel_panels(recordings[-1], len(forecasts))
     samples = [Sensed.by(one).samples(one) for one in recordings]
     for (row, column, k), axes in panels.items():
         ahead, time = forecasts[column], recordings[column].time
@@ -162,7 +161,7 @@ def draw_forecast(
         if row == 0:
             what = "held out" if begin <= time[-1] else "after the recording"
             parts.letter(axes, column, what)
-        _samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
+        _plot_samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
         is_shown = ahead.time < begin + length
         axes.plot(ahead.time[is_shown], ahead.median[is_shown, k], color=MODEL, lw=0.6, zorder=3,
                   label="forecast, median")  # fmt: skip
@@ -202,7 +201,7 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
             parts.band(axes, x, low, high, "95 % interval", ec=EDGE, lw=0.4)
         unit = units.get(name, "")
         axes.set(xlabel=f"{name}, {unit}" if unit else name, xlim=assessment.span,
-                 ylabel=f"half range of {_with_unit(state)}")  # fmt: skip
+                 ylabel=f"half range of {_format_label(state)}")  # fmt: skip
         axes.set_ylim(bottom=0.0)
     parts.legend(figure)
     return figure
@@ -230,17 +229,17 @@ def _distance(one: Cycle, other: Cycle) -> float:
     return sum(abs(other.half_range[s].value - v.value) for s, v in one.half_range.items())
 
 
-def _channels(
+def _make_channel_panels(
     recording: Recording, columns: int
 ) -> tuple[Figure, dict[tuple[int, int, int], Axes], np.ndarray]:
     """Make panels by row, column and channel, a row for each with samples; return samples too."""
     sensed = Sensed.by(recording)
     samples = sensed.samples(recording)
     shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
-    height = 0.6 + ROW * len(shown)
+    height = 0.6 + ROW_HEIGHT * len(shown)
     figure, grid = parts.panels(height, len(shown), columns, sharex="col", sharey="row")
     for row, k in zip(grid, shown, strict=True):
-        row[0].set_ylabel(fill(_with_unit(sensed.names[k]), LABEL))
+        row[0].set_ylabel(fill(_format_label(sensed.names[k]), LABEL_WIDTH))
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     panels = {
@@ -251,13 +250,13 @@ def _channels(
     return figure, panels, samples
 
 
-def _samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: tuple[float, float]) -> None:
+def _plot_samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: Sequence[float]) -> None:
     inside = (time >= span[0]) & (time <= span[1])
     axes.plot(time[inside], values[inside], ls="", marker=".", ms=2, color=TRUE, zorder=2,
               rasterized=True, label="samples")  # fmt: skip
 
 
-def _with_unit(name: str) -> str:
+def _format_label(name: str) -> str:
     return ", ".join(filter(None, (meaning(name) or name, plain_unit(name)))).replace("^2", "²")
 
 
@@ -268,8 +267,8 @@ def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     gaps = np.flatnonzero(np.diff(time) > REPORTED_GAP * np.median(np.diff(time))) + 1
     between = (time[gaps - 1] + time[gaps]) / 2
     places = np.arange(len(time))
-    if len(time) > 2 * POINTS:
-        long = -(-len(time) // POINTS)
+    if len(time) > 2 * ENVELOPE_POINTS:
+        long = -(-len(time) // ENVELOPE_POINTS)
         stretches = np.pad(values, (0, -len(time) % long), mode="edge").reshape(-1, long)
         ends = stretches.argmin(axis=1), stretches.argmax(axis=1)
         places = np.unique(places[::long] + np.array(ends))

@@ -19,7 +19,7 @@ from galloping.recording.samples import Input
 if TYPE_CHECKING:
     from galloping.summary.analysis import Field
 
-VALUES, MOST_VALUES = 9, 200  # of a range, where no step is said; and at all
+DEFAULT_VALUES, MAX_VALUES = 9, 200  # of a range without a step; of any range
 ROUNDING = 1e-9  # of a range, in steps
 PERIODS, PER_PERIOD = 60, 60  # of a simulation, and samples of each
 
@@ -38,7 +38,7 @@ def read_model_inputs(
     times. kinds: interpolation of inputs. Columns have the names of the inputs, with their units.
     Raises ValueError if an input is missing, and for files that cannot be read.
     """
-    driving = _read_held(at, names)
+    driving = _parse_constants(at, names)
     missing = [name for name in names if name not in driving]
     if path is not None:
         if not missing:
@@ -61,10 +61,10 @@ def read_model_inputs(
     return driving
 
 
-def inputs_after(
+def read_later_inputs(
     field: "Field", names: Sequence[str], at: Sequence[str], path: str | None
 ) -> dict[str, Input | float]:
-    """Collect the given inputs of a model for the time after the end of the last recording.
+    """Collect the inputs of a model for the time after the end of the last recording.
 
     at: texts such as `U=12`, for constant values. path: a file with the columns of the recording,
     on its clock. Raises ValueError if the recording lacks an input, and if only one of the files
@@ -78,7 +78,7 @@ def inputs_after(
                 f"{recording.path}: the model is driven by {name}; say its column, --input {name}"
                 "=COLUMN (inputs: in a mapping)"
             )
-    driving = _read_held(at, names)
+    driving = _parse_constants(at, names)
     missing = [name for name in names if name not in driving]
     if path is None or not missing:
         return driving
@@ -109,7 +109,7 @@ def _has_zone(instant: str) -> bool:
     return re.search(r"[+-]\d\d:\d\d$", instant) is not None
 
 
-def usual_sampling(
+def choose_sampling(
     model: PolynomialModel, start: np.ndarray, inputs: Mapping[str, Input | float]
 ) -> tuple[float, float]:
     """Choose a duration (s) and a sampling rate (Hz) that suit a model's motion from a state.
@@ -125,7 +125,7 @@ def usual_sampling(
     return float(f"{duration:.2g}"), float(f"{rate:.2g}")
 
 
-def _read_held(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
+def _parse_constants(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
     constants: dict[str, Input | float] = {}
     for name, value in parse_input_values(at, names).items():
         if isinstance(value, np.ndarray):
@@ -154,9 +154,9 @@ def parse_input_values(
             values = [float(part) for part in numbers.split(":")]
         except ValueError:
             values = []
-        low, high, *step = [*values, *values] if len(values) == 1 else values or [np.nan] * 4
-        step = step or [(high - low) / (VALUES - 1)]
-        if not (np.isfinite([low, high, *step]).all() and low <= high and len(step) == 1):
+        low, high = (*values, *values, np.nan, np.nan)[:2]  # a single value is both
+        step = values[2] if len(values) > 2 else (high - low) / (DEFAULT_VALUES - 1)
+        if len(values) > 3 or not np.isfinite([low, high, step]).all() or low > high:
             raise ValueError(
                 f"--at {text}: must be one value, {name}=12, or a range with or without a step, "
                 f"{name}=8:16 or {name}=8:16:0.5"
@@ -164,8 +164,8 @@ def parse_input_values(
         if low == high:
             values_by_input[name] = low
             continue
-        n_steps = (high - low) / step[0] + ROUNDING if step[0] > 0 else 0
-        if not 1 <= n_steps < MOST_VALUES:
-            raise ValueError(f"--at {text}: must be 2 to {MOST_VALUES} values")
-        values_by_input[name] = low + step[0] * np.arange(int(n_steps) + 1)
+        n_steps = (high - low) / step + ROUNDING if step > 0 else 0
+        if not 1 <= n_steps < MAX_VALUES:
+            raise ValueError(f"--at {text}: must be 2 to {MAX_VALUES} values")
+        values_by_input[name] = low + step * np.arange(int(n_steps) + 1)
     return values_by_input

@@ -21,17 +21,17 @@ HELPS = {
     "clocks": "one clock for all sensors, and samples at regular times",
 }
 WIND, PLACES = HELPS["wind"], HELPS["places"]
-KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
+MIN_ERROR = 0.01  # relative, of a coefficient that a further recording should determine better
 
 
-def what_helps(summary: "Summary", reports: Sequence[dict]) -> list[str]:
+def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
     """List advice on how to improve an identified model, the most useful first."""
     found = summary.found
     problems = [make_finding(problem) for report in reports for problem in report["problems"]]
-    span, units = is_span(found.model.states), units_in(reports)
+    span, units = is_span(found.model.states), input_units(reports)
     helps = [more for _, more in meanings_and_advice(problems, span) if more]
-    if found.status == "refused" and (alone := _alone(reports)):
-        helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
+    if found.status == "refused" and (idle := _format_idle_columns(reports)):
+        helps.insert(0, f"a model without {idle}, which has no motion of its own (`--states`)")
     if len({"q_v", "q_w"}.intersection(found.model.states)) == 1:
         helps.append(
             "a sensor in the other direction: vertical and horizontal motion drive each other"
@@ -39,7 +39,7 @@ def what_helps(summary: "Summary", reports: Sequence[dict]) -> list[str]:
     for _, more in meanings_and_advice(found.findings, span):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = summary.advice
-    if advice and advice.options and advice.standard_error > KNOWN * abs(advice.coefficient):
+    if advice and advice.options and advice.standard_error > MIN_ERROR * abs(advice.coefficient):
         name, error = next(iter(advice.options.items()))
         helps.append(
             f"one more recording{' at the same wind speed' * span}, preferably {name}: the "
@@ -55,23 +55,17 @@ def what_helps(summary: "Summary", reports: Sequence[dict]) -> list[str]:
                      "not show the wind speed from which the line gallops")  # fmt: skip
     if found.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
-    if span and _both_directions(reports):
+    if span and _has_both_directions(reports):
         helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
     if not span:
-        helps = [
-            each.replace(HELPS["directions"], HELPS["fewer"])
-            for each in helps
-            if PLACES not in each
-        ]
+        helps = [each.replace(HELPS["directions"], HELPS["fewer"]) for each in helps
+                 if PLACES not in each]  # fmt: skip
+    is_wind = may_be_wind(found, units)
     for name in found.model.inputs:
         if ends := found.recorded(name):
             unit = shown_units(units).get(name, "")
             beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
-            known = (
-                "; or the structural damping, measured in calm (`--known`)"
-                if may_be_wind(found, units)
-                else ""
-            )
+            known = "; or the structural damping, measured in calm (`--known`)" * is_wind
             helps.append(f"recordings with {name} {beyond}, if the model is used there{known}")
     return list(dict.fromkeys(helps))
 
@@ -82,13 +76,12 @@ def relative_error_text(error: float, coefficient: float) -> str:
     return f"{100.0 * share:.2g} %" if share < 1.0 else f"{share:.2g} times the coefficient"
 
 
-def _both_directions(reports: Sequence[dict]) -> bool:
-    """Decide whether the sensors of a span measure its vertical and its horizontal motion."""
+def _has_both_directions(reports: Sequence[dict]) -> bool:
     measured = {one["measures"][-1] for report in reports for one in report["channels"].values()}
     return {"v", "w"} <= measured
 
 
-def _alone(reports: Sequence[dict]) -> str:
+def _format_idle_columns(reports: Sequence[dict]) -> str:
     """Format the columns without a motion of their own, if there are others; '' if not."""
     idle = {
         problem["column"]
@@ -97,7 +90,7 @@ def _alone(reports: Sequence[dict]) -> str:
         if problem["code"] in (Code.MOSTLY_NOISE, Code.SHOWN_TWICE)
     }
     others = {column for report in reports for column in report["channels"]} - idle
-    return listed(sorted(idle)) if idle and others else ""
+    return join_words(sorted(idle)) if idle and others else ""
 
 
 def meanings_and_advice(findings: Iterable[Finding], is_span: bool = True) -> list[tuple[str, str]]:
@@ -105,7 +98,7 @@ def meanings_and_advice(findings: Iterable[Finding], is_span: bool = True) -> li
     return explain(findings, True, is_span, HELPS)
 
 
-def units_in(reports: Sequence[dict]) -> dict[str, str]:
+def input_units(reports: Sequence[dict]) -> dict[str, str]:
     """Extract the unit of each input, by name, from data-quality reports."""
     return {one["name"]: one["unit"] for report in reports for one in report["inputs"].values()}
 
@@ -122,7 +115,7 @@ def may_be_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
     )
 
 
-def listed(parts: Iterable[str]) -> str:
+def join_words(parts: Iterable[str]) -> str:
     """Join texts to a list in words, such as `a, b and c`."""
     *most, last = parts
     return f"{', '.join(most)} and {last}" if most else last

@@ -21,14 +21,14 @@ from galloping.inspection.quality import find_peaks, spectrum
 from galloping.model.polynomial import design_matrix, term_name, velocity_pairs
 from galloping.readers.units import coefficient_unit, meaning, plain_unit
 from galloping.recording.samples import Recording, mean_inputs
-from galloping.summary.helps import shown_units, units_in
+from galloping.summary.helps import input_units, shown_units
 
 if TYPE_CHECKING:
     from galloping.behaviour.forecast import ScoredForecast
     from galloping.summary.advice import Advice
     from galloping.summary.summarise import Summary
 
-MOST_ABSENT = 3  # terms that are named because they may be there unseen
+MAX_ABSENT = 3  # terms that are listed because they may be undetected
 PERCENT = "% of critical"
 
 
@@ -45,7 +45,7 @@ class Estimate:
     unit: str = ""
 
     @classmethod
-    def of(cls, value: Value, unit: str = "", factor: float = 1.0) -> Self:
+    def from_value(cls, value: Value, unit: str = "", factor: float = 1.0) -> Self:
         """Make an estimate from a value with its interval, times a factor that may be negative."""
         ends = factor * value.low, factor * value.high
         return cls(factor * value.value, min(ends), max(ends), unit)
@@ -184,7 +184,7 @@ def compute_numbers(
     reports: of `quality`, if the recordings come from files. beside: a name, and the system's known
     properties by that name.
     """
-    found, known, units = summary.found, summary.dynamics, units_in(reports)
+    found, known, units = summary.found, summary.dynamics, input_units(reports)
     below = float(found.diagnostics.get("below", nan))
     placed = {
         column["measures"]
@@ -205,7 +205,7 @@ def compute_numbers(
         system=_estimate_system(known, found, units) if known else None,
         random_forces=strengths,
         force_durations_s=lasting,
-        forecast=_held_out(summary.held_out, found.is_forced) if summary.held_out else None,
+        forecast=_collect_scores(summary.held_out, found.is_forced) if summary.held_out else None,
         no_forecast=summary.untried,
         stretches=count,
         stretches_percent=share,
@@ -253,11 +253,11 @@ def _estimate_system(
     shown = shown_units(units)
     return SystemEstimates(
         {name: Estimate(value, unit=shown.get(name, "")) for name, value in known.at.items()},
-        {name: Estimate.of(value, plain_unit(name)) for name, value in known.rest.items()},
+        {name: Estimate.from_value(value, plain_unit(name)) for name, value in known.rest.items()},
         () if hidden else tuple(_small_motion(known, name) for name in oscillating),
         known.kind,
-        {name: Estimate.of(value, plain_unit(name)) for name, value in half_range.items()},
-        Estimate.of(period, "s") if period else None,
+        {name: Estimate.from_value(value, plain_unit(name)) for name, value in half_range.items()},
+        Estimate.from_value(period, "s") if period else None,
     )
 
 
@@ -266,8 +266,8 @@ def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
     grows = damping.value < -ROUNDING and damping.high <= ROUNDING  # not if unknown
     return SmallMotionEstimates(
         name,
-        Estimate.of(frequency, "Hz"),
-        Estimate.of(damping, PERCENT, 100.0),
+        Estimate.from_value(frequency, "Hz"),
+        Estimate.from_value(damping, PERCENT, 100.0),
         _doubling_time(frequency, damping) if grows else None,
     )
 
@@ -345,7 +345,7 @@ def _force_densities(
     return densities, tuple(float(1.0 / forces.rates[i]) for i in forces.slow_equations)
 
 
-def _held_out(scored: "ScoredForecast", is_forced: bool) -> HeldOutScores:
+def _collect_scores(scored: "ScoredForecast", is_forced: bool) -> HeldOutScores:
     ahead = scored.forecast
     channels = tuple(
         HeldOutChannel(
@@ -365,11 +365,11 @@ def _held_out(scored: "ScoredForecast", is_forced: bool) -> HeldOutScores:
 
 def _count_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:
     """Count the parts of the recordings that were used, and their share of time; 0 if whole."""
-    own = recordings if found.is_forced else excerpts(list(recordings))
-    if all(one is other for one, other in zip(own, recordings, strict=False)):
+    used = recordings if found.is_forced else excerpts(list(recordings))
+    if list(map(id, used)) == list(map(id, recordings)):
         return 0, 100.0
-    used, whole = (sum(np.ptp(one.time) for one in of) for of in (own, recordings))
-    return len(own), float(100.0 * used / whole)
+    lasting, whole = (sum(np.ptp(one.time) for one in each) for each in (used, recordings))
+    return len(used), float(100.0 * lasting / whole)
 
 
 def _list_absent(
@@ -387,7 +387,7 @@ def _list_absent(
     largest = np.abs(design_matrix(np.array([signals]), model.terms)[0])
     shares = found.detection_limits * largest * time / sizes[:, np.newaxis]
     shares = np.where(np.isfinite(shares), shares, -1.0)
-    flat = np.argsort(-shares, axis=None, kind="stable")[:MOST_ABSENT]
+    flat = np.argsort(-shares, axis=None, kind="stable")[:MAX_ABSENT]
     inputs = {**dict.fromkeys(model.inputs, ""), **units}
     for i, j in zip(*np.unravel_index(flat, shares.shape), strict=True):
         if shares[i, j] > 0.0:

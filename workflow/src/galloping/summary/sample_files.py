@@ -317,9 +317,9 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
     if not sample.equation:
         is_far = any(distance > FAR / NORMAL_95 for distance in off)
         return row | {"ok_and_wrong": bool(found.status == "ok" and is_far)}
-    of = found.model
-    equations = (f"{of.states[0]} = {of.states[1]}", sample.equation)
-    true, _, _ = known_model(equations, of.states, of.terms, of.inputs)
+    model = found.model
+    equations = (f"{model.states[0]} = {model.states[1]}", sample.equation)
+    true, _, _ = known_model(equations, model.states, model.terms, model.inputs)
     return row | against_truth(true, found)
 
 

@@ -46,7 +46,7 @@ from galloping.inspection.quality import find_peaks, sampled_time, spectrum
 from galloping.passes import part, passing
 from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input, Recording, typical_inputs
-from galloping.summary.advice import Advice, advice
+from galloping.summary.advice import Advice, advise
 from galloping.summary.numbers import compute_numbers
 from galloping.summary.wording import render_summary
 
@@ -57,11 +57,10 @@ METHODS: Mapping[str, Callable[..., IdentifiedModel]] = {
     "maximum_likelihood": maximum_likelihood,
     "weak_gls": weak_gls,
 }
-HELD_OUT = 0.1  # of a recording, to try the forecast on,
-MOST_HELD_OUT = 30  # periods of the motion, and so many samples of it
-MOST_SAMPLES = 5000
+# Of the end of a recording that is held out to test the forecast.
+HELD_OUT_SHARE, MAX_PERIODS, MAX_SAMPLES = 0.1, 30, 5000
 PERIODS = 6  # of the motion from which a forecast starts
-POINTS = 600  # of a drawn motion
+MOTION_POINTS = 600  # of a drawn motion
 
 
 class StillError(ValueError):
@@ -143,12 +142,10 @@ class Summary(Immutable):
         """Plot the forecasts of the held-out end and after the recording, with 90 % bands."""
         from galloping.summary.drawing import draw_forecast
 
-        ahead, after = self.forecasts, [self.recordings[-1]] * (self.forecast is not None)
-        tried = []
-        if self.held_out is not None and len(ahead) > len(after):
-            tried = [self.recordings[self.held_out.index]]
+        trial, after = self.held_out, [self.recordings[-1]] * (self.forecast is not None)
+        tried = [self.recordings[trial.index]] if trial and trial.useful else []
         length = np.ptp(self.motions[0][0]) if self.motions else 0.0
-        return draw_forecast([*tried, *after], ahead, length)
+        return draw_forecast([*tried, *after], self.forecasts, length)
 
 
 @one_thread
@@ -218,7 +215,7 @@ def summarise_with(
     identify: the method of the model. names, faults, are_one: as of `with_objections`. Raises
     ValueError if there is a model and no channel oscillates.
     """
-    recordings = _used_recordings(found, recordings)
+    recordings = _select_used_parts(found, recordings)
     period, last = longest_period(recordings), recordings[-1]
     untried, is_still = "", False
     with part("compare the recordings", until=0.3):
@@ -234,7 +231,7 @@ def summarise_with(
             held_out, untried, is_still = None, str(error), isinstance(error, StillError)
     with part("forecast", until=0.8):
         try:
-            time, rng = _times_after(last, window), np.random.default_rng(seed)
+            time, rng = _make_times_after(last, window), np.random.default_rng(seed)
             predicted = ahead.forecast(found, last, time, window, rng)
         except ValueError:
             predicted = None
@@ -248,8 +245,8 @@ def summarise_with(
             untried,
             is_still,
             predicted,
-            tuple(motions_beside(found, last, window)),
-            advice(found, last, period),
+            tuple(simulate_beside(found, last, window)),
+            advise(found, last, period),
         )
 
 
@@ -279,7 +276,7 @@ def dynamics(
     ValueError
         If an argument has another form.
     """
-    given = _used_recordings(found, recordings)
+    given = _select_used_parts(found, recordings)
     if not len(found.extrapolation_shift):
         found = with_extrapolation(found, given)
     return _compute_dynamics(found, given, seed)
@@ -333,13 +330,13 @@ def forecast(
         If there is no model, it does not follow the recording, an input is unknown, most models
         drawn from its covariance diverge, or an argument has another form.
     """
-    *_, recording = _used_recordings(found, recording)
+    *_, recording = _select_used_parts(found, recording)
     if window is None:
         window = PERIODS * _check_period(longest_period([recording]))
     elif (window := float(as_finite("window", window, ()))) <= 0.0:
         raise ValueError(f"window: {window:g} s; must be > 0")
     end = recording.time[-1]
-    times = _times_after(recording, window) if time is None else as_increasing("time", time)
+    times = _make_times_after(recording, window) if time is None else as_increasing("time", time)
     if times[0] <= end:
         raise ValueError(f"time: begins at {times[0]:g} s; the recording ends at {end:g} s")
     if found.status != "refused":
@@ -347,7 +344,7 @@ def forecast(
     return ahead.forecast(found, recording, times, window, np.random.default_rng(seed), inputs)
 
 
-def _used_recordings(found: IdentifiedModel, recordings: object) -> list[Recording]:
+def _select_used_parts(found: IdentifiedModel, recordings: object) -> list[Recording]:
     """Return the parts of recordings that a model was identified from, without filtered motion."""
     given = _check_recordings(found, recordings)
     return apply_model_filter(found, without_omissions(found, given))
@@ -392,9 +389,9 @@ def _check_period(period: float) -> float:
     return period
 
 
-def _times_after(recording: Recording, length: float) -> NDArray[np.float64]:
+def _make_times_after(recording: Recording, length: float) -> NDArray[np.float64]:
     """Make times, s, of samples after a recording, at its own step, for `length` s."""
-    step = max(recording.step, length / MOST_SAMPLES)
+    step = max(recording.step, length / MAX_SAMPLES)
     return recording.time[-1] + step * np.arange(1, round_up(length / step))
 
 
@@ -408,15 +405,15 @@ def hold_out(
     no forecast; StillError if nothing moves in that part.
     """
     index = len(recordings) - 1
-    if HELD_OUT * np.ptp(recordings[index].time) < period:
+    if HELD_OUT_SHARE * np.ptp(recordings[index].time) < period:
         index = int(np.argmax([np.ptp(one.time) for one in recordings]))
     last, others = recordings[index], [*recordings[:index], *recordings[index + 1 :]]
-    length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
+    length = min(HELD_OUT_SHARE * np.ptp(last.time), MAX_PERIODS * period)
     cut = int(first_from(last.time, last.time[-1] - length))
     samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
         raise StillError(f"no motion in the last {length:.3g} s, which were to be forecast")
-    shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
+    shown = slice(cut, None, 1 + (len(last.time) - cut) // MAX_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
     noise = Following(identified, last[:cut]).sigma
@@ -424,7 +421,7 @@ def hold_out(
     return replace(trial, index=index - len(recordings))
 
 
-def motions_beside(
+def simulate_beside(
     identified: IdentifiedModel, recording: Recording, length: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Simulate a model over the beginning, middle and end of a recording, from fitted states.
@@ -448,12 +445,12 @@ def motions_beside(
         if filtered is not None:
             motions.append((times, follow.shown(model, filtered[rows], times)))
         elif (start := follow.begin(rows)) is not None:
-            smooth = np.linspace(times[0], times[-1], POINTS)
+            smooth = np.linspace(times[0], times[-1], MOTION_POINTS)
             motions.append((smooth, follow.motion(model, start, smooth)))
     return motions
 
 
-def motion_scores(
+def score_motion(
     identified: IdentifiedModel, recordings: Sequence[Recording]
 ) -> NDArray[np.float64]:
     """Compute R2 of a model's simulated motion against the samples of each recorded channel.
@@ -484,10 +481,10 @@ def motion_scores(
                 if np.isfinite(motion).all():
                     left[rows] = samples[rows][:, measured] - motion
         sums = np.nansum([left**2, whole], axis=1)
-        for name, own in zip(np.array(follow.sensed.names)[measured], sums.T, strict=True):
-            squares.setdefault(str(name), []).append(own)
+        for name, pair in zip(np.array(follow.sensed.names)[measured], sums.T, strict=True):
+            squares.setdefault(str(name), []).append(pair)
     if not squares:
         raise ValueError("score: the recordings have no samples")
-    missed, whole = np.array([np.sum(own, axis=0) for own in squares.values()]).T
+    missed, whole = np.array([np.sum(pairs, axis=0) for pairs in squares.values()]).T
     with np.errstate(divide="ignore", invalid="ignore"):
         return 1.0 - missed / whole

@@ -13,11 +13,11 @@ import click
 
 from galloping.passes import progress
 
-FIRST, EVERY = 2.0, 10.0  # s, to the first line from the first pass, and from a line to the next
+FIRST_LINE, LINE_STEP = 2.0, 10.0  # s, from the first pass to a line, and between two lines
 STEPS = 1000  # of the bar
-TELLING = 0.5  # s, counted between two lines, by which the speed of a core is told
-SLOWEST = 20.0  # s, that one counted takes: what takes longer compiles, and tells no speed
-SEARCHED = 0.45  # share that a first search has, of which nobody knows how long it will take
+MIN_COUNTED = 0.5  # s of counted work between two lines, for the speed of a core
+MAX_SLOWNESS = 20.0  # measured over counted seconds: slower work compiles, and shows no speed
+SEARCH_SHARE = 0.45  # of all work, for a first search of unknown duration
 
 
 @contextmanager
@@ -58,21 +58,21 @@ class _Lines:
     def __call__(self, what: str, share: float) -> None:
         now = monotonic()
         if math.isinf(self._begin):
-            self._begin, self._next = now, now + FIRST
+            self._begin, self._next = now, now + FIRST_LINE
         if now < self._next:
             return
-        self._next = now + EVERY
+        self._next = now + LINE_STEP
         passed = now - self._begin
         from galloping.identification.work import work_counted  # NumPy
 
         spent, more = work_counted()
         took, computed = passed - self._last[0], spent - self._last[1]
         self._last = passed, spent
-        if computed >= TELLING and took <= SLOWEST * computed:
+        if computed >= MIN_COUNTED and took <= MAX_SLOWNESS * computed:
             self._slow = took / computed
         left, most = passed * (1.0 - share) / share, self._slow * more
         if not math.isinf(most):
-            left = min(left, most) if share > SEARCHED else math.sqrt(min(left, most) * most)
+            left = min(left, most) if share > SEARCH_SHARE else math.sqrt(min(left, most) * most)
         remaining = f"{left:.0f} s left" + ("" if math.isinf(most) else f", {most:.0f} s at most")
         click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {remaining}", err=True)
 

@@ -17,13 +17,13 @@ from galloping.inspection.noticed import envelope_rows, write_sentences
 from galloping.readers.units import is_span, meaning, plain_unit
 from galloping.recording.samples import Recording
 from galloping.summary.helps import (
-    listed,
+    input_units,
+    join_words,
+    list_advice,
     may_be_wind,
     meanings_and_advice,
     relative_error_text,
     shown_units,
-    units_in,
-    what_helps,
 )
 from galloping.summary.numbers import (
     PERCENT,
@@ -60,12 +60,12 @@ IN_SHORT = {  # by status
 BETWEEN_IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}  # samples of an input
 TECHNICAL = "## Technical part"
 PARTS_DIFFER = Code.PARTS_DIFFER, Code.FREQUENCY_CHANGES, Code.DAMPING_CHANGES
-UNITS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY
-MOST_DIGITS = 4  # of a number that is shown: summary.json has all
-TWO_DIGITS = 3.55  # first digits of half an interval, below which two of them are told
-PLAIN = 1e-3, 1e6  # between which numbers are written without a power of ten
-STEADY = 12.0  # such factors, that the interval of a damping holds
-MOST_PROBLEMS = 5  # of samples, that are told before the technical part
+UNIT_FINDINGS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY
+MAX_DIGITS = 4  # of a printed number: summary.json has all
+TWO_DIGIT_LIMIT = 3.55  # first digits of half an interval, below which two of them are printed
+PLAIN_RANGE = 1e-3, 1e6  # between which numbers are written without a power of ten
+MAX_WIDTH = 12.0  # of the interval of a damping, times the phase of the recorded motion, rad
+MAX_PROBLEMS = 5  # of samples, that are listed before the technical part
 
 
 def render_summary(
@@ -85,26 +85,25 @@ def render_summary(
     described = [*map(report_text, reports)] or [*map(repr, summary.recordings)]
     unused = [f"{name!r} of {report['file']}" for report in reports
               for name in report.get("unused_motion", ())]  # fmt: skip
-    of_span, units = is_span(found.model.states), units_in(reports)
-    further = [one.name for one in found.further_modes]
+    of_span, units = is_span(found.model.states), input_units(reports)
+    extra = [one.name for one in found.further_modes]
     line = "the line" if of_span else "the system"
     values = {
         "summary": summary, "found": found, "known": known, "numbers": numbers,
         "trial": summary.held_out, "ends": ENDS, "technical": TECHNICAL,
-        "most_problems": MOST_PROBLEMS,
+        "most_problems": MAX_PROBLEMS,
         "refused": found.status == "refused",
         "in_short": IN_SHORT[found.status],
         "winds": _recorded_range(found) if may_be_wind(found, units) else "",
         "sure": bool(np.any(found.standard_errors > 0.0)),
         "of_span": of_span,
-        "units": shown_units(units),
         "conditions": _conditions(found, units),
         "line": line,
         "gallop": "gallop" if of_span else "sustain oscillations by itself",
         "gallops": "gallops" if of_span else "sustains oscillations by itself",
         "exact": [name for name in found.model.inputs if not last.inputs[name].error],
         "held": [name for name in found.model.inputs if last.inputs[name].between == "zero"],
-        "odd": any(p["code"] in UNITS for report in reports for p in report["problems"]),
+        "odd": any(p["code"] in UNIT_FINDINGS for report in reports for p in report["problems"]),
         "repeats": found.has_finding(Code.MOTION_REPEATS),
         "rested": found.has_finding(Code.RELEASED, Code.CAME_TO_REST),
         "mixed": found.has_finding(*PARTS_DIFFER),
@@ -115,10 +114,10 @@ def render_summary(
             if why
         ],
         "problems": problems,
-        "helps": what_helps(summary, reports),
+        "helps": list_advice(summary, reports),
         "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
-        "unused": escape_markdown(listed(unused)) if unused else "",
-        "small": _of_small(known, numbers.system, further) if known and numbers.system else {},
+        "unused": escape_markdown(join_words(unused)) if unused else "",
+        "small": _describe_modes(known, numbers.system, extra) if known and numbers.system else {},
         "beyond": _beyond_recorded(numbers),
         "degrees": _further_degrees(found),
         "noticed": list(
@@ -176,10 +175,10 @@ def _recorded_range(found: IdentifiedModel) -> str:
 
 
 def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
-    """Describe for which winds, or values of inputs, besides motions a model is valid."""
+    """Describe the conditions, besides the motion, in which a model is valid."""
     if may_be_wind(found, units):
         return "winds and "
-    return f"values of {listed(found.model.inputs)} and " if found.model.inputs else ""
+    return f"values of {join_words(found.model.inputs)} and " if found.model.inputs else ""
 
 
 @cache
@@ -194,12 +193,12 @@ def _template(name: str) -> Template:
         "escape": escape_markdown,
         "extent": extent_in_words,
         "growth": _growth,
-        "listed": listed,
+        "listed": join_words,
         "meaning": meaning,
-        "missed": _missed,
+        "missed": _describe_errors,
         "name": _name,
         "relative_error": lambda error, advice: relative_error_text(error, advice.coefficient),
-        "said": _said,
+        "said": _quantity_text,
         "sentence": lambda text: text[:1].upper() + text[1:],
         "short": lambda number, unit="": f"{number:.3g} {unit}".rstrip(),
         "shown_damping": _damping_cells,
@@ -229,19 +228,17 @@ def in_words(estimate: Estimate) -> str:
 def _cells(estimate: Estimate) -> tuple[str, str]:
     """Format a value with its unit, and its interval."""
     value, low, high, unit = estimate.value, estimate.low, estimate.high, estimate.unit
-    if isinf(value):
-        return f"{value:g} {unit}".strip(), "interval unknown"
-    if isnan(low) or isnan(high):
+    if isinf(value) or isnan(low) or isnan(high):
         return f"{value:.3g} {unit}".strip(), "interval unknown"
     if isinf(low) or isinf(high):
         ends = [f"{end:.3g}" if isfinite(end) else "beyond the range" for end in (low, high)]
         return f"{value:.3g} {unit}".strip(), " to ".join(ends)
     largest = max(abs(value), abs(low), abs(high))
-    least = floor(log10(largest)) + 1 - MOST_DIGITS if largest else 0
+    least = floor(log10(largest)) + 1 - MAX_DIGITS if largest else 0
     half, place = (high - low) / 2.0, least
     if half > 0.0:
         first = floor(log10(half))
-        place = max(first - (half / 10.0**first < TWO_DIGITS), least)
+        place = max(first - (half / 10.0**first < TWO_DIGIT_LIMIT), least)
     number, *ends = _at_place((value, low, high), place)
     shown = f"{number} {unit}".strip()
     if ends[0] == ends[1]:
@@ -252,7 +249,7 @@ def _cells(estimate: Estimate) -> tuple[str, str]:
 def _at_place(numbers: Sequence[float], place: int) -> list[str]:
     """Format numbers to one power of ten, with a common exponent if they are large or small."""
     largest = max(map(abs, numbers))
-    if not largest or PLAIN[0] <= largest < PLAIN[1]:
+    if not largest or PLAIN_RANGE[0] <= largest < PLAIN_RANGE[1]:
         return [f"{round(number, -place) + 0.0:.{max(-place, 0)}f}" for number in numbers]
     power = floor(log10(largest))
     decimals = max(power - place, 0)
@@ -267,9 +264,9 @@ def extent_in_words(motion: RecordedMotion) -> str:
     return f"{' to '.join(_at_place((motion.low, motion.high), place))} {motion.unit}".rstrip()
 
 
-def _said(quantity: Value, unit: str, factor: float = 1.0) -> str:
+def _quantity_text(quantity: Value, unit: str, factor: float = 1.0) -> str:
     """Format a value times a factor with its interval, if any, to the digits that it determines."""
-    estimate = Estimate.of(quantity, unit, factor)
+    estimate = Estimate.from_value(quantity, unit, factor)
     if isnan(estimate.low):
         return f"{estimate.value:.4g} {unit}".rstrip()
     return in_words(estimate)
@@ -289,10 +286,10 @@ def _name(state: str) -> str:
     return meaning(state).partition(" ")[0] or state
 
 
-def _of_small(
+def _describe_modes(
     known: "Dynamics", system: SystemEstimates, of_further: Collection[str]
 ) -> dict[str, Any]:
-    """Describe small motions about the equilibrium, and the places and sizes with them."""
+    """Describe small motions about the equilibrium, its place, and the limit cycle."""
     damped = {
         state: value
         for state, value in known.damping.items()
@@ -315,7 +312,9 @@ def _of_small(
             if one.doubling_time is not None
         ],
         "least": least,
-        "margin": Estimate.of(damped[least], f"{PERCENT} damping", 100.0) if damped else None,
+        "margin": Estimate.from_value(damped[least], PERCENT + " damping", 100.0)
+        if damped
+        else None,
         "halves": [f"±{in_words(v)} {_name(s)}" for s, v in system.limit_cycle.items()],
         "places": ", ".join(f"{s} = {in_words(v)}" for s, v in system.rest.items()),
         "still": "\n".join(
@@ -364,8 +363,8 @@ def _margins(
         is_of_one_size = not is_state or all(
             _is_of_one_size(one.values[:, states.index(name)]) for one in recordings
         )
-        turned = 2.0 * np.pi * known.frequencies[name].value * length
-        margin = _margin(damping, turned, is_of_one_size)
+        phase = 2.0 * np.pi * known.frequencies[name].value * length
+        margin = _margin(damping, phase, is_of_one_size)
         margins.append(f"{_name(name)}{' motion' * is_state} {margin}")
     return margins
 
@@ -377,13 +376,14 @@ def _is_of_one_size(values: np.ndarray) -> bool:
     return not sizes or max(sizes) <= np.e * min(sizes)
 
 
-def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
+def _margin(damping: Value, phase: float, is_of_one_size: bool) -> str:
     """Describe whether a mode gallops, as far as its net damping determines.
 
-    turned: rad, by its oscillations while it was recorded. A mode that then neither grows nor
-    decays, by a factor of e, is no response to random forces.
+    phase: rad, of its oscillations during the recording. A mode that meanwhile neither grows nor
+    decays by a factor of e is no response to random forces.
     """
-    is_steady = abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY
+    width = (damping.high - damping.low) * phase
+    is_steady = abs(damping.value) * phase < 1.0 and width < MAX_WIDTH
     if is_steady and is_of_one_size:
         return "has a constant amplitude, as under a machine or in settled galloping"
     if damping.low > 0.0:
@@ -393,7 +393,7 @@ def _margin(damping: Value, turned: float, is_of_one_size: bool) -> str:
     return "may: the recording is too short to show whether small motions grow"
 
 
-def _missed(channels: Sequence[HeldOutChannel]) -> str:
+def _describe_errors(channels: Sequence[HeldOutChannel]) -> str:
     """Describe the errors of a forecast, by channel; none for random forces."""
     noise = [_motion_of(one.name) for one in channels if one.is_noise]
     missed = [
@@ -402,8 +402,8 @@ def _missed(channels: Sequence[HeldOutChannel]) -> str:
         if not one.is_noise and isfinite(one.missed_percent)
     ]
     error = "Relative to the standard deviation of the recording, the root-mean-square error was"
-    parts = [f"{error} {listed(missed)}"] if missed else []
-    parts += [f"No motion larger than the noise was left of {listed(noise)}"] if noise else []
+    parts = [f"{error} {join_words(missed)}"] if missed else []
+    parts += [f"No motion larger than the noise was left of {join_words(noise)}"] if noise else []
     return ". ".join(parts)
 
 
