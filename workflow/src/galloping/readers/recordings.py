@@ -139,7 +139,6 @@ def _interpolate_together(time: np.ndarray, columns: list[np.ndarray]) -> list[n
 
 
 def _align_channels(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Align delayed channels on the union of their true times."""
     tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
     true_times = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
     time = np.unique(np.concatenate(true_times))

@@ -226,7 +226,6 @@ def in_words(estimate: Estimate) -> str:
 
 
 def _cells(estimate: Estimate) -> tuple[str, str]:
-    """Format a value with its unit, and its interval."""
     value, low, high, unit = estimate.value, estimate.low, estimate.high, estimate.unit
     if isinf(value) or isnan(low) or isnan(high):
         return f"{value:.3g} {unit}".strip(), "interval unknown"
