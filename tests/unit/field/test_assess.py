@@ -124,6 +124,31 @@ def test_each_mode_has_a_state_of_its_own_and_rounding_is_no_growth():
     assert all(mode.damping.low <= 0.0 <= mode.damping.high for mode in rest.modes)
 
 
+def test_a_damping_of_zero_has_the_limit_of_its_detection_at_any_value_of_an_input():
+    terms, _ = parse_library("q + dq + U*dq + U", ("q", "dq"), ("U",))
+    model = PolynomialModel(("q", "dq"), terms, [[0, 1, 0, 0], [-1, 0, 0, 1]], ("U",))
+    limits = np.full((2, 4), np.nan)
+    limits[1, 1:3] = 0.03, 0.02
+    found = IdentifiedModel(
+        model, "ok", detection_limits=limits, initial_states=np.array([[1.0, 0.0]])
+    )
+    (rest,) = assess(found, {"U": 2.0}).conditions[0].equilibria
+    damping = rest.modes[0].damping
+    assert damping.value == 0.0
+    assert damping.high == -damping.low == pytest.approx(np.hypot(0.03, 0.04) / 2)
+
+
+def test_equilibria_that_most_drawn_models_lack_have_no_interval():
+    terms = ((0, 0), (2, 0), (0, 2))
+    model = PolynomialModel(("x", "y"), terms, [[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+    found = IdentifiedModel(
+        model, "ok", covariance=np.diag([100.0, 0.0, 100.0, 0.0]),
+        initial_states=np.array([[-1.0, -0.9]]),
+    )  # fmt: skip
+    for rest in assess(found).conditions[0].equilibria:
+        assert abs(rest.place["x"].value) == pytest.approx(1.0) and np.isnan(rest.place["x"].low)
+
+
 def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
     for low, high, value, count in ((-3.0, 3.0, -9.0, 1), (0.5, 3.0, -1.0, 1), (-3.0, 3.0, 1.0, 0)):
         found = replace(oscillator(), diagnostics={"U_low": low, "U_high": high})
@@ -136,6 +161,8 @@ def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
     for given, told in (
         ({"X": 3.0}, "X is no input of the model; must be one of U"),
         ({"U": []}, "U has no value"),
+        ({"U": [1.0, np.nan]}, "U: .*; must be finite"),
+        ({"U": "strong"}, "U: text; must be real numbers"),
     ):
         with pytest.raises(ValueError, match=told):
             assess(below, given)

@@ -5,6 +5,7 @@ those of models drawn with the covariance of the coefficients.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
-from galloping.arrays import one_thread
+from galloping.arrays import as_finite, one_thread
 from galloping.behaviour.assessment import (
     Assessment,
     Condition,
@@ -35,7 +36,7 @@ from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant_family
 from galloping.cycles.limit_cycles import find_cycle_from_motion, find_cycles_at
-from galloping.cycles.prediction import cycle_intervals, find_nearby_cycles
+from galloping.cycles.prediction import MIN_INTERVAL_DRAWS, cycle_intervals, find_nearby_cycles
 from galloping.cycles.settling import Pace, Settled, estimate_missing_sizes, settle_in_periods
 from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
@@ -44,12 +45,13 @@ from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.passes import passing
 from galloping.readers.units import is_span
 
-KICK = 1e-2  # of the size of the motion, from an equilibrium
-BEYOND = 2.5  # sizes of the motion: how far from its middle equilibria are looked for
-APART = 1e-2  # of the size: equilibria and cycles that are nearer are one
-MOST_STARTS = 256  # from which equilibria are looked for
-LEAST = 1e-3  # of its share in the largest motion, that a coordinate moves at least
-CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
+# Lengths are in sizes of the motion.
+DISTURBANCE = 1e-2  # from an equilibrium, at the start of a simulation
+SEARCH_RADIUS = 2.5  # from the middle of the motion, within which equilibria are searched for
+MIN_DISTANCE = 1e-2  # between different equilibria or limit cycles
+MAX_STARTS = 256  # of searches for an equilibrium
+MIN_SHARE = 1e-3  # smallest size of a coordinate, relative to the largest one
+CEILING = 10.0  # size beyond which limit cycles are not followed
 
 
 @one_thread
@@ -77,31 +79,32 @@ def assess(
     Raises
     ------
     ValueError
-        If there is no model, an input has no value, or an input of a span has the opposite sign of
-        nearly all recorded values and is far from them (`list_extrapolations`).
+        If there is no model, an input has no value or one that is not finite, or an input of a span
+        has the opposite sign of nearly all recorded values and is far from them
+        (`list_extrapolations`).
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
     values, inputs = {}, found.model.inputs
     for name, value in (at or {}).items():
         if name not in inputs:
-            there = f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
-            raise ValueError(f"{name} is no input of the model; {there}")
-        values[name] = np.unique(np.asarray(value, float))
+            wanted = f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
+            raise ValueError(f"{name} is no input of the model; {wanted}")
+        values[name] = np.unique(as_finite(name, np.atleast_1d(value), (None,)))
         if not len(values[name]):
             raise ValueError(f"{name} has no value")
     for name in inputs:
         if name not in values:
-            raise ValueError(f"the model has the input {name}; say at which, --at {name}=VALUE")
-    ranges = [name for name, each in values.items() if len(each) > 1]
+            raise ValueError(f"the model has the input {name}; give its value, --at {name}=VALUE")
+    ranges = [name for name, given in values.items() if len(given) > 1]
     if len(ranges) > 1:
         raise ValueError(f"a range of {ranges[0]} and of {ranges[1]}; must be of one input")
     notes = tuple(list_extrapolations(found, values))
-    fixed = {name: float(each[0]) for name, each in values.items() if len(each) == 1}
-    drawn = _Drawn.of(found, seed)
+    fixed = {name: float(given[0]) for name, given in values.items() if len(given) == 1}
+    ensemble = _Ensemble.from_identified(found, seed)
     if not ranges:
-        return Assessment((_assess_condition(drawn, fixed),), notes=notes)
-    assessed = _assess_range(drawn, fixed, ranges[0], values[ranges[0]])
+        return Assessment((_assess_condition(ensemble, fixed),), notes=notes)
+    assessed = _assess_range(ensemble, fixed, ranges[0], values[ranges[0]])
     return replace(assessed, notes=(*assessed.notes, *notes))
 
 
@@ -109,8 +112,8 @@ def list_extrapolations(found: IdentifiedModel, at: Mapping[str, ArrayLike]) -> 
     """Return a note on each input whose requested values lie outside the recorded range.
 
     The range is that of nine tenths of the recorded values. at: one value or several of each input.
-    Raises ValueError for an input of a span that has the other sign than nearly all recorded values
-    and is further from them than their range is wide: no wind blows at -5 m/s.
+    Raises ValueError for an input of a span, such as a wind of -5 m/s, whose sign is opposite to
+    that of nearly all recorded values and whose distance from their range exceeds its width.
     """
     notes = []
     for name, values in at.items():
@@ -120,43 +123,45 @@ def list_extrapolations(found: IdentifiedModel, at: Mapping[str, ArrayLike]) -> 
         least, most = float(np.nanmin(values)), float(np.nanmax(values))
         recorded = f"90 % of the recorded values lie between {low:.3g} and {high:.3g}"
         for value, bound, sign in ((least, low, 1.0), (most, high, -1.0)):
-            far = sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low
-            if far and is_span(found.model.states):
+            is_far = sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low
+            if is_far and is_span(found.model.states):
                 wanted = "0 or more" if sign > 0 else "0 or less"
                 raise ValueError(f"{name} = {value:g}: {recorded}; must be {wanted}")
         if least < low or most > high:
-            asked = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
+            given = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
             notes.append(
-                f"Extrapolation: {name} = {asked}, but {recorded}; beyond, further modes may grow, "
+                f"Extrapolation: {name} = {given}, but {recorded}; beyond, further modes may grow, "
                 "which the recording does not show"
             )
     return notes
 
 
 @dataclass(frozen=True)
-class _Drawn:
-    """A model, models drawn with the covariance of its coefficients, and an initial state.
+class _Ensemble:
+    """An identified model, models drawn with the covariance of its coefficients, and a start.
 
-    found: the identified model, with its inputs. small: models drawn for small motions, with the
-    effect of terms of the next degrees. start: (n_states,) recorded initial state. recorded:
-    recorded range of states, by name.
+    draws_near_rest: models drawn for small motions, with the effect of terms of the next degrees.
+    start: (n_states,) recorded initial state. recorded: recorded range of states, by name.
     """
 
-    found: IdentifiedModel
-    model: PolynomialModel
+    identified: IdentifiedModel
     draws: tuple[PolynomialModel, ...]
-    small: tuple[PolynomialModel, ...]
+    draws_near_rest: tuple[PolynomialModel, ...]
     start: np.ndarray
     recorded: Mapping[str, tuple[float, ...]]
 
+    @property
+    def model(self) -> PolynomialModel:
+        """The identified model without its uncertainty."""
+        return self.identified.model
+
     @classmethod
-    def of(cls, found: IdentifiedModel, seed: int) -> "_Drawn":
-        """Draw models from an identified model."""
+    def from_identified(cls, found: IdentifiedModel, seed: int) -> "_Ensemble":
         states, starts = found.model.states, found.initial_states
         known = starts[np.isfinite(starts).all(axis=1)]
         recorded = {name: ends for name in states if (ends := found.recorded(name))}
         extent = np.array([recorded.get(name, (0.0, 0.0)) for name in states])
-        # without known states the largest recorded ones, or 1 in their units: not an equilibrium
+        # without known states: the largest recorded ones, or 1 in their units, no equilibrium
         start = extent[np.arange(len(extent)), np.abs(extent).argmax(axis=1)]
         if len(known):
             sizes = np.ptp(extent, axis=1)
@@ -167,18 +172,22 @@ class _Drawn:
             start = np.ones(len(states))
         rng = np.random.default_rng(seed)
         draws = draw_models_and_rivals(found, rng)
-        small = add_higher_degree_effects(draws, found, rng)
-        return cls(found, found.model, tuple(draws), tuple(small), start, recorded)
+        near_rest = add_higher_degree_effects(draws, found, rng)
+        return cls(found, tuple(draws), tuple(near_rest), start, recorded)
 
-    def at(self, values: Mapping[str, float]) -> "_Drawn":
+    def at(self, values: Mapping[str, float]) -> "_Ensemble":
         """Return the same models at constant values of inputs."""
         held = {name: value for name, value in values.items() if name in self.model.inputs}
-        draws, small = (
-            tuple(each.at(held) for each in models) for models in (self.draws, self.small)
+        draws, near_rest = (
+            tuple(model.at(held) for model in models)
+            for models in (self.draws, self.draws_near_rest)
         )
-        return replace(self, model=self.model.at(held), draws=draws, small=small)
+        identified = self.identified.at(held)
+        return replace(self, identified=identified, draws=draws, draws_near_rest=near_rest)
 
-    def extent(self, model: PolynomialModel, motion: Settled) -> tuple[np.ndarray, np.ndarray]:
+    def compute_extent(
+        self, model: PolynomialModel, motion: Settled
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Compute middle and size, (n_states,) each, of the motion of a model from the start.
 
         The size is that of the start if the motion diverges, and at least half the recorded range.
@@ -192,143 +201,141 @@ class _Drawn:
             middle, size = np.zeros_like(start), np.abs(start)
         size = estimate_missing_sizes(size, model, middle)
         if is_span(model.states):
-            for group in (velocities, _positions(model)):
-                size[group] = np.maximum(size[group], LEAST * size[group].max(initial=0.0))
-        else:  # whose states may have any units
-            size = np.maximum(size, LEAST * np.abs(start - middle))
+            for group in (velocities, _list_coordinates(model)):
+                size[group] = np.maximum(size[group], MIN_SHARE * size[group].max(initial=0.0))
+        else:  # its states may have any units
+            size = np.maximum(size, MIN_SHARE * np.abs(start - middle))
         ends = [self.recorded.get(name, (0.0, 0.0)) for name in model.states]
         return middle, np.maximum(size, np.ptp(ends, axis=1) / 2.0)
 
 
 def _assess_condition(
-    of: _Drawn, at: Mapping[str, float], known: Sequence[Point] = ()
+    ensemble: _Ensemble, at: Mapping[str, float], known: Sequence[Point] = ()
 ) -> Condition:
     """Find equilibria and attractors at one value of every input by simulation from several states.
 
-    known: limit cycles there, found otherwise.
+    known: limit cycles there that continuation has found.
     """
-    here = of.at(at)
-    best, begin = here.model, here.start
-    motion = _settle_motion(best, begin)
-    middle, size = here.extent(best, motion)
-    rests = find_equilibria(best, middle, size)
-    largest = CEILING * size  # no model holds of larger motions
-    for k, name in enumerate(best.states):
-        low, high = here.recorded.get(name, (0.0, 0.0))
+    ensemble = ensemble.at(at)
+    model, recorded_start = ensemble.model, ensemble.start
+    motion = _settle_motion(model, recorded_start)
+    middle, size = ensemble.compute_extent(model, motion)
+    rests = find_equilibria(model, middle, size)
+    largest = CEILING * size  # the model is not valid for larger motions
+    for k, name in enumerate(model.states):
+        low, high = ensemble.recorded.get(name, (0.0, 0.0))
         if high > low:
             largest[k] = CEILING * (high - low) / 2.0
     cycles: list[Point] = []
     ends: list[str] = []
     for point in known:
         _add_cycle(cycles, point, size)
-    for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
+    disturbed = (rest + DISTURBANCE * size for rest in rests)
+    for start in (recorded_start, *disturbed, middle + SEARCH_RADIUS * size):
         passing("settle")
-        motion = motion if start is begin else _settle_motion(best, start)
-        found = find_cycle_from_motion(constant_family(best, size), 0.0, motion)
-        if found is None:  # a motion that neither grows nor dies out may be on no cycle
+        motion = motion if start is recorded_start else _settle_motion(model, start)
+        cycle = find_cycle_from_motion(constant_family(model, size), 0.0, motion)
+        if cycle is None:  # a motion that neither grows nor dies out may be on no cycle
             ends.append("irregular" if motion.kind == "cycle" else motion.kind)
-            continue
-        if np.all(found.solution.half_range() < largest):
-            _add_cycle(cycles, found, size)
+        elif np.all(cycle.solution.half_range() < largest):
+            _add_cycle(cycles, cycle, size)
         else:
             ends.append("diverged")
     return Condition(
         dict(at),
-        tuple(_describe_equilibrium(here, rest, size) for rest in rests),
-        tuple(_describe_cycle(here, each) for each in cycles),
+        tuple(_describe_equilibrium(ensemble, rest, size) for rest in rests),
+        tuple(_describe_cycle(ensemble, cycle) for cycle in cycles),
         tuple(dict.fromkeys(ends)),
     )
 
 
 def _add_cycle(cycles: list[Point], point: Point, size: np.ndarray) -> None:
+    """Append a limit cycle unless the list contains it already."""
     new = point.solution.half_range() / size
-    others = [one.solution.half_range() / size for one in cycles]
-    if all(np.max(np.abs(new - other)) > APART * np.max(new) for other in others):
+    others = [cycle.solution.half_range() / size for cycle in cycles]
+    if all(np.max(np.abs(new - other)) > MIN_DISTANCE * np.max(new) for other in others):
         cycles.append(point)
 
 
 def _assess_range(
-    of: _Drawn, at: Mapping[str, float], along: str, values: np.ndarray
+    ensemble: _Ensemble, at: Mapping[str, float], along: str, values: np.ndarray
 ) -> Assessment:
     """Assess every value of a range, with limit cycles followed along the range.
 
     The equilibrium is followed from the first value that has one.
     """
-    of = of.at(at)
-    found, notes, missing = None, [], []
-    onsets: tuple[Onset, ...] = ()
+    ensemble = ensemble.at(at)
+    branches, missing, onsets = None, [], []
+    notes: list[str] = []
     for low in values[:-1].tolist():
-        best, span = of.model.at({along: low}), Range(low, values[-1])
-        middle, size = of.extent(best, _settle_motion(best, of.start))
-        family = _make_family(of.model, along, size)
-        if rests := find_equilibria(best, middle, size):
-            rest = min(rests, key=lambda each: np.linalg.norm((each - middle) / size))
-            found, more = _follow_branches(family, span, rest, of.start, along)
-            onsets = tuple(_find_onsets(found, of, family, span, rest)) if found else ()
-            notes += more
+        model, span = ensemble.model.at({along: low}), Range(low, values[-1])
+        middle, size = ensemble.compute_extent(model, _settle_motion(model, ensemble.start))
+        family = _make_family(ensemble.model, along, size)
+        if rests := find_equilibria(model, middle, size):
+            rest = min(rests, key=lambda state: np.linalg.norm((state - middle) / size))
+            branches, notes = _follow_branches(family, span, rest, ensemble.start)
+            if branches:
+                onsets = list(_find_onsets(branches, ensemble, family, span, rest))
             break
         missing.append(low)
     if missing:
         until = f" to {missing[-1]:g}" if missing[1:] else ""
         notes.insert(0, f"no equilibrium was found at {along} = {missing[0]:g}{until}")
-    is_complete = found is not None and found.equilibria.complete and not missing
+    is_complete = branches is not None and branches.equilibria.complete and not missing
     conditions = []
     for value in values.tolist():
         passing(f"{along} = {value:g}")
         known = []
-        for branch in found.cycles.values() if found else ():
+        for branch in branches.cycles.values() if branches else ():
             try:
                 known += find_cycles_at(family, branch, value)
             except ValueError as failure:
                 notes.append(str(failure))
-        conditions.append(_assess_condition(of, {**at, along: value}, known))
+        conditions.append(_assess_condition(ensemble, {**at, along: value}, known))
     return Assessment(
-        tuple(conditions), along, (values[0], values[-1]), onsets, tuple(notes), is_complete
+        tuple(conditions), along, (values[0], values[-1]), tuple(onsets), tuple(notes), is_complete
     )
 
 
 def _follow_branches(
-    family: Family, span: Range, rest: np.ndarray, begin: np.ndarray, along: str
+    family: Family, span: Range, rest: np.ndarray, start: np.ndarray
 ) -> tuple[Diagram | None, list[str]]:
+    """Follow an equilibrium and the limit cycles along a range; also return notes on them."""
     middle = (span.low + span.high) / 2
-    motion = _settle_motion(family.model(middle), begin)
-    cycle = motion.kind == "cycle"
-    size = float(np.linalg.norm(motion.half_range / family.sizes)) if cycle else np.inf
-    start = (middle, motion.time, motion.states) if cycle else None
+    motion = _settle_motion(family.model(middle), start)
+    is_cycle = motion.kind == "cycle"
+    size = float(np.linalg.norm(motion.half_range / family.sizes)) if is_cycle else np.inf
+    settled = (middle, motion.time, motion.states) if is_cycle else None
     try:
-        bounded = replace(span, ceiling=CEILING * size)
-        found = diagram(family, bounded, rest, 0, start)
+        branches = diagram(family, replace(span, ceiling=CEILING * size), rest, 0, settled)
     except ValueError as failure:
-        return None, [f"along {along}: {failure}"]
-    branches = (found.equilibria, *found.cycles.values())
-    incomplete = [branch.reason for branch in branches if not branch.complete]
+        return None, [f"along {family.parameter}: {failure}"]
+    all_branches = (branches.equilibria, *branches.cycles.values())
+    incomplete = [branch.reason for branch in all_branches if not branch.complete]
     without_oscillation = [
-        f"between {along} = {one.solution.value:.4g} and {other.solution.value:.4g} the "
-        f"equilibrium becomes {'unstable' if more > 0 else 'stable'} without oscillation"
-        for one, other in pairwise(found.equilibria.points)
-        if (more := _count_growing(other) - _count_growing(one)) % 2
+        f"between {family.parameter} = {before.solution.value:.4g} and {after.solution.value:.4g} "
+        f"the equilibrium becomes {'unstable' if more > 0 else 'stable'} without oscillation"
+        for before, after in pairwise(branches.equilibria.points)
+        if (more := _count_growing(after) - _count_growing(before)) % 2
     ]
-    return found, [*without_oscillation, *found.failures, *incomplete]
+    return branches, [*without_oscillation, *branches.failures, *incomplete]
 
 
 def _find_onsets(
-    found: Diagram, of: _Drawn, family: Family, span: Range, rest: np.ndarray
+    best: Diagram, ensemble: _Ensemble, family: Family, span: Range, rest: np.ndarray
 ) -> Iterator[Onset]:
     """Yield the Hopf bifurcations with intervals from those of the drawn models.
 
     A drawn model without a bifurcation in the range counts as beyond an end of the range.
     """
-    branches = []
-    for model in of.small:
+    points, branches = best.equilibria.points, []
+    for model in ensemble.draws_near_rest:
         passing("draw onsets")
-        try:
+        with suppress(ValueError):
             drawn = _make_family(model, family.parameter, family.sizes)
             branches.append(equilibrium_branch(drawn, rest, span))
-        except ValueError:
-            continue
-    for hopf in hopf_points(found.equilibria):
+    for hopf in hopf_points(best.equilibria):
         value = hopf.point.solution.value
-        points = found.equilibria.points
         before = [_count_growing(p) for p in points if p.solution.value < value]
         after = [_count_growing(p) for p in points if p.solution.value > value]
         is_growing_above = bool(before) and before[-1] < (after[0] if after else 1)
@@ -336,11 +343,12 @@ def _find_onsets(
         for branch in branches:
             others = [h.point.solution.value for h in hopf_points(branch)]
             more = _count_growing(branch.points[-1]) - (before[-1] if before else 1)
-            is_later = more <= 0 if is_growing_above else more >= 0  # nothing has happened yet
-            beyond = np.inf if is_later else -np.inf
+            is_above_range = more <= 0 if is_growing_above else more >= 0
+            beyond = np.inf if is_above_range else -np.inf
             samples.append(min(others, key=lambda v: abs(v - value), default=beyond))
         frequency = hopf.point.stability.critical()[0] / (2 * np.pi)
-        yield Onset(Value.of(value, interval_of_draws(samples)), float(frequency), is_growing_above)
+        ends = interval_of_draws(samples, MIN_INTERVAL_DRAWS)
+        yield Onset(Value.of(value, ends), float(frequency), is_growing_above)
 
 
 def _count_growing(point: Point) -> int:
@@ -359,8 +367,8 @@ def _settle_motion(model: PolynomialModel, start: np.ndarray) -> Settled:
     return settle_in_periods(simulator_of(model), model, start, pace)
 
 
-def _positions(model: PolynomialModel) -> list[int]:
-    """List the states that are no velocities of others."""
+def _list_coordinates(model: PolynomialModel) -> list[int]:
+    """List the indices of the states that are no velocities of others."""
     velocities = velocity_pairs(model.states).values()
     return [k for k in range(len(model.states)) if k not in velocities]
 
@@ -370,70 +378,62 @@ def find_equilibria(
 ) -> list[np.ndarray]:
     """Search for all equilibria of a model in a region around its motion.
 
-    They are (n_states,) each, within BEYOND times `size` of `middle`.
+    They are (n_states,) each, within SEARCH_RADIUS times `size` of `middle`.
     """
-    pairs = velocity_pairs(model.states)
-    own = _positions(model)
-    shares = (-BEYOND, -1.0, 0.0, 1.0, BEYOND) if len(own) < 4 else (-1.0, 0.0, 1.0)
-    found: list[np.ndarray] = []
-    for steps in list(product(shares, repeat=len(own)))[:MOST_STARTS]:
+    velocities, rows = list(velocity_pairs(model.states).values()), _list_coordinates(model)
+    shares = (-SEARCH_RADIUS, -1.0, 0.0, 1.0, SEARCH_RADIUS) if len(rows) < 4 else (-1.0, 0.0, 1.0)
+    rests: list[np.ndarray] = []
+    for steps in list(product(shares, repeat=len(rows)))[:MAX_STARTS]:
         start = middle.copy()
-        start[list(pairs.values())] = 0.0
-        start[own] += steps * size[own]
-        at = find_equilibrium(model, start, size)
-        near_by = np.all(np.abs(at.x - middle)[own] <= BEYOND * size[own])
-        new = all(np.max(np.abs(at.x - other)[own] / size[own]) > APART for other in found)
-        if at.success and near_by and new:
-            found.append(at.x)
-    return sorted(found, key=lambda place: float(np.linalg.norm(((place - middle) / size)[own])))
+        start[velocities] = 0.0
+        start[rows] += steps * size[rows]
+        solution = find_equilibrium(model, start, size)
+        rest = solution.x
+        is_near = np.all(np.abs(rest - middle)[rows] <= SEARCH_RADIUS * size[rows])
+        is_new = all(np.max(np.abs(rest - x)[rows] / size[rows]) > MIN_DISTANCE for x in rests)
+        if solution.success and is_near and is_new:
+            rests.append(rest)
+    return sorted(rests, key=lambda x: float(np.linalg.norm(((x - middle) / size)[rows])))
 
 
-def _describe_equilibrium(of: _Drawn, rest: np.ndarray, size: np.ndarray) -> RestPosition:
-    best = of.model
-    values, vectors = best.small_motions(rest)
-    places, matched = [], []
-    for model in of.small:
-        at = find_equilibrium(model, rest, size)
-        if at.success:
-            own = model.small_motions(at.x).values
-            _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
-            places.append(at.x)
-            matched.append(own[order])
-    pairs = velocity_pairs(best.states)
-    shown = _positions(best)
+def _describe_equilibrium(ensemble: _Ensemble, rest: np.ndarray, size: np.ndarray) -> RestPosition:
+    states, rows = ensemble.model.states, _list_coordinates(ensemble.model)
+    values, vectors = ensemble.model.small_motions(rest)
+    drawn_rests, drawn_values = [], []
+    for model in ensemble.draws_near_rest:
+        solution = find_equilibrium(model, rest, size)
+        if solution.success:
+            eigenvalues = model.small_motions(solution.x).values
+            _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - eigenvalues))
+            drawn_rests.append(solution.x)
+            drawn_values.append(eigenvalues[order])
+
+    def with_interval(value: float, draws: Sequence[float] | np.ndarray) -> Value:
+        return Value.of(value, interval_of_draws(draws, MIN_INTERVAL_DRAWS))
+
     order = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
-    shares = np.abs(vectors[np.ix_(shown, order)]) / size[shown, np.newaxis]
+    shares = np.abs(vectors[np.ix_(rows, order)]) / size[rows, np.newaxis]
+    named = np.argmax(shares, axis=0)  # if more modes than states: the state that moves most
+    matched_rows, matched_modes = match_modes(shares)
+    named[matched_modes] = matched_rows
     modes = []
-    named = np.argmax(shares, axis=0)  # modes beyond the states are of the state that moves most
-    at, of_mode = match_modes(shares)
-    named[of_mode] = at
-    for k, place in zip(order, named.tolist(), strict=True):
-        state = best.states[shown[place]]
-        rate, own = values[k], np.array([each[k] for each in matched])
+    for k, row in zip(order, np.take(rows, named).tolist(), strict=True):
+        rate, draws = values[k], np.array([eigenvalues[k] for eigenvalues in drawn_values])
         if rate.imag > 0:
-            frequency = Value.of(
-                abs(rate) / (2 * np.pi), interval_of_draws(np.abs(own) / (2 * np.pi))
-            )
-            damping = Value.of(
-                float(_damping_ratios(rate)), interval_of_draws(_damping_ratios(own))
-            )
+            frequency = with_interval(abs(rate) / (2 * np.pi), np.abs(draws) / (2 * np.pi))
+            damping = with_interval(float(_damping_ratios(rate)), _damping_ratios(draws))
         else:
-            frequency, damping = (
-                Value(0.0, 0.0, 0.0),
-                Value.of(-rate.real, interval_of_draws(-own.real)),
-            )
-        if rate.imag > 0 and shown[place] in pairs:
-            damping = widen_zero_damping(of.found, shown[place], frequency.value, damping)
-        modes.append(SmallMotion(state, frequency, damping))
-    place = {
-        best.states[i]: Value.of(rest[i], interval_of_draws([x[i] for x in places])) for i in shown
-    }
-    beyond = any(
+            frequency, damping = Value(0.0, 0.0, 0.0), with_interval(-rate.real, -draws.real)
+        if rate.imag > 0 and row in velocity_pairs(states):
+            damping = widen_zero_damping(ensemble.identified, row, frequency.value, damping)
+        modes.append(SmallMotion(states[row], frequency, damping))
+    place = {states[i]: with_interval(rest[i], [x[i] for x in drawn_rests]) for i in rows}
+    is_extrapolated = any(
         not low <= place[name].value <= high
-        for name, (low, high) in of.recorded.items()
+        for name, (low, high) in ensemble.recorded.items()
         if name in place
     )
-    return RestPosition(place, tuple(modes), beyond)
+    return RestPosition(place, tuple(modes), is_extrapolated)
 
 
 def _damping_ratios(rates: np.ndarray) -> np.ndarray:
@@ -443,17 +443,15 @@ def _damping_ratios(rates: np.ndarray) -> np.ndarray:
     return np.where(np.abs(ratios) < ROUNDING, 0.0, ratios)
 
 
-def _describe_cycle(of: _Drawn, point: Point) -> Cycle:
-    states, kept = of.model.states, find_nearby_cycles(of.draws, point.solution, of.model)
-    found = len(kept) / len(of.draws)
-    shown = _positions(of.model)
-    ends = cycle_intervals(kept, len(states))
-    half = point.solution.half_range()
-    sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in shown}
-    beyond = any(
+def _describe_cycle(ensemble: _Ensemble, point: Point) -> Cycle:
+    states, orbit = ensemble.model.states, point.solution
+    drawn_orbits = find_nearby_cycles(ensemble.draws, orbit, ensemble.model)
+    ends, half = cycle_intervals(drawn_orbits, len(states)), orbit.half_range()
+    sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in _list_coordinates(ensemble.model)}
+    is_extrapolated = any(
         sizes[name].value > BEYOND_RECORDED * (high - low) / 2.0
-        for name, (low, high) in of.recorded.items()
+        for name, (low, high) in ensemble.recorded.items()
         if name in sizes
     )
-    period = Value.of(point.solution.period, ends[:, -1])
-    return Cycle(sizes, period, point.stability.stable, found, beyond)
+    period, share = Value.of(orbit.period, ends[:, -1]), len(drawn_orbits) / len(ensemble.draws)
+    return Cycle(sizes, period, point.stability.stable, share, is_extrapolated)

@@ -31,7 +31,7 @@ from galloping.trajectory.simulation import Simulator
 RECORDED, AHEAD = SPAN.during(2000.0, 200.0), SPAN.during(1500.0, 50.0)
 CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
 WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from a model's cycle to another's: at once, or in steps
-MOST = DRAWS / 2  # limit cycles of drawn models, that an interval is of at least
+MIN_INTERVAL_DRAWS = DRAWS / 2  # from fewer drawn models with a result there is no interval
 CEILING = 5.0  # of the recorded motion: what is larger a recording does not tell
 
 
@@ -255,7 +255,9 @@ def draw_splits(
     return found
 
 
-def cycle_intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
+def cycle_intervals(
+    orbits: Sequence[Orbit], n_states: int, fewest: float = MIN_INTERVAL_DRAWS
+) -> np.ndarray:
     """Compute 95 % intervals of amplitudes and period from a random sample of limit cycles.
 
     The period is in s. Returns (2, n_states + 1), the period last. fewest: as of
