@@ -1,6 +1,7 @@
 """Maximum likelihood as users of pysindy and scikit-learn know models: data in, answers out."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -327,6 +328,14 @@ def test_figures_in_one_call(duffing, driven):
         galloping.plot_phase(duffing, states=["q"])
     with pytest.raises(ValueError, match="found: a Recording"):
         galloping.plot_fit(duffing.recordings_[0])
+    bare = [replace(one, inputs={}) for one in driven.recordings_]
+    for call, recordings, message in (
+        (galloping.plot_fit, duffing.recordings_, "have the states q, dq; the model has y"),
+        (galloping.plot_phase, bare, "lack the input F"),
+        (galloping.plot_forecast, bare, "lack the input F"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call(driven.model_, recordings)
 
 
 # --- pages ---

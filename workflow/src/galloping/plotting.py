@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
-from galloping.behaviour.following import Following, without_outliers
+from galloping.behaviour.following import Following, check_recordings, without_outliers
 from galloping.estimator import MaximumLikelihood
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import checked_recordings
 from galloping.model.polynomial import velocity_pairs
 from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input, Recording
@@ -147,7 +146,7 @@ def plot_phase(
 
 
 def _model_of(found: Found, recordings: Recordings) -> tuple[IdentifiedModel, list[Recording]]:
-    """Return the model and the recordings to draw. Raises ValueError without either."""
+    """Return the model and the recordings to draw; raise ValueError if they do not fit."""
     if isinstance(found, MaximumLikelihood):
         recordings = found.recordings_ if recordings is None else recordings
         found = found.model_
@@ -156,4 +155,4 @@ def _model_of(found: Found, recordings: Recordings) -> tuple[IdentifiedModel, li
         raise ValueError(f"found: a {type(found).__name__}; must be {kinds}")
     if found.status == "refused":
         raise ValueError(f"there is no model to draw: {found.reason}")
-    return found, checked_recordings(recordings)
+    return found, check_recordings(found.model, recordings)

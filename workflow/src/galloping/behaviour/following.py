@@ -8,6 +8,7 @@ import numpy as np
 
 from galloping.cycles.settling import estimate_missing_sizes
 from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.inputs import checked_recordings
 from galloping.identification.preparation.smoothing import (
     shortest_period,
     unmeasured_displacements,
@@ -68,6 +69,23 @@ class Sensed:
                 rate = without_drift(recording.time, rate)
             columns.append(rate[:, np.newaxis])
         return np.hstack(columns)
+
+
+def check_recordings(model: PolynomialModel, recordings: object) -> list[Recording]:
+    """Check that recordings have the states and inputs of a model, and return them as a list.
+
+    recordings: one or several. Raises ValueError as `checked_recordings`, and if a state or an
+    input differs.
+    """
+    given = checked_recordings(recordings)
+    if given[0].states != model.states:
+        raise ValueError(
+            f"recordings: have the states {', '.join(given[0].states)}; the model has "
+            f"{', '.join(model.states)}"
+        )
+    if lacking := [name for name in model.inputs if name not in given[0].inputs]:
+        raise ValueError(f"recordings: lack the input {lacking[0]}, which drives the model")
+    return given
 
 
 def without_outliers(recording: Recording) -> Recording:

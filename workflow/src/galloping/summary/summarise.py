@@ -22,7 +22,12 @@ from galloping.behaviour import dynamics as of_line
 from galloping.behaviour import forecast as ahead
 from galloping.behaviour.dynamics import Dynamics, Surroundings
 from galloping.behaviour.extrapolation import with_extent, with_extrapolation
-from galloping.behaviour.following import Following, Sensed, without_outliers
+from galloping.behaviour.following import (
+    Following,
+    Sensed,
+    check_recordings,
+    without_outliers,
+)
 from galloping.behaviour.forecast import (
     Forecast,
     ScoredForecast,
@@ -33,7 +38,6 @@ from galloping.behaviour.forecast import (
 from galloping.behaviour.objections import Identify, with_objections
 from galloping.identification.free_motion.answer import without_omissions
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.observations import Finding
@@ -356,13 +360,7 @@ def _check_recordings(found: object, recordings: object) -> list[Recording]:
             f"found: a {type(found).__name__}; must be an IdentifiedModel, such as "
             "`maximum_likelihood` returns"
         )
-    given = checked_recordings(recordings)
-    if given[0].states != found.model.states:
-        raise ValueError(
-            f"recordings: have the states {', '.join(given[0].states)}; the model has "
-            f"{', '.join(found.model.states)}"
-        )
-    return given
+    return check_recordings(found.model, recordings)
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:
