@@ -7,7 +7,9 @@ Stability Analysis, ch. 4). The continued solutions, equilibria or limit cycles,
 """
 
 from dataclasses import dataclass
+from enum import Enum, auto
 from functools import cache
+from operator import itemgetter
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
@@ -18,7 +20,7 @@ from galloping.cycles.family import Family
 CORRECTIONS = 8
 CORRECTED = 1e-9  # length of the last correction, in steps
 FIRST_STEP, SMALLEST_STEP = 0.1, 1e-6  # of the longest
-LEAST_COSINE = 0.9  # of the turn of the tangent in one step
+MIN_COSINE = 0.9  # of the angle between the tangents of successive points
 CLOSED = 1e-3  # relative difference of period and size at which a branch has returned to its start
 
 
@@ -28,29 +30,31 @@ class Equations:
 
     solution: with a `vector` (n,) that identifies it, a `value` of the parameter, which is the
     vector's last entry, and a `signature` that differs between solutions at one value. unknowns: (m
-    + 1,). residual: (m,), jacobian: (m, m + 1) of the equations. moved: (n, m + 1) derivative of
-    the vector by the unknowns.
+    + 1,). residual: (m,), jacobian: (m, m + 1) of the equations. derivative: (n, m + 1) of the
+    vector by the unknowns.
     """
 
     solution: Any
     unknowns: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
-    moved: np.ndarray
+    derivative: np.ndarray
 
     def bordered(self, border: np.ndarray) -> np.ndarray:
         """Append a linear condition on the solution to the Jacobian, as its last row.
 
         border: (n,) condition on the vector. Returns (m + 1, m + 1).
         """
-        return np.vstack([self.jacobian, border @ self.moved])
+        return np.vstack([self.jacobian, border @ self.derivative])
 
     def along(self, border: np.ndarray) -> np.ndarray:
         """Compute the tangent of the branch, scaled to one in the direction of a condition.
 
         border: (n,) the condition. Returns the change of the vector, (n,).
         """
-        return self.moved @ np.linalg.solve(self.bordered(border), np.eye(len(self.unknowns))[-1])
+        return self.derivative @ np.linalg.solve(
+            self.bordered(border), np.eye(len(self.unknowns))[-1]
+        )
 
 
 class BranchProblem(Protocol):
@@ -85,16 +89,16 @@ class BranchProblem(Protocol):
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Any, dict[str, float]]:
         """Compute the stability of a solution, and test functions that vanish at bifurcations."""
 
-    def confirmed(self, name: str, stability: Any) -> bool:
+    def is_confirmed(self, name: str, stability: Any) -> bool:
         """Decide whether the zero of a test function is really the bifurcation of that name."""
 
-    def moved(self, solution: Any) -> Self:
+    def with_reference(self, solution: Any) -> Self:
         """Return the problem with a new solution as reference."""
         return self
 
-    def ended(self, solution: Any) -> str:
-        """Return the reason why the branch ends at a solution, or '' if it continues."""
-        return ""
+    def find_end(self, solution: Any) -> "tuple[BranchEnd, str] | None":
+        """Return how and why the branch ends at a solution, or None if it continues."""
+        return None
 
     def along_parameter(self) -> np.ndarray:
         """Return the unit vector that selects the parameter in the solution vector.
@@ -137,18 +141,30 @@ class Bifurcation:
     located: bool = True
 
 
+class BranchEnd(Enum):
+    """Kind of the end of a branch."""
+
+    BOUND = auto()
+    START = auto()
+    CEILING = auto()
+    EQUILIBRIUM = auto()
+    PERIOD_DOUBLING = auto()
+    INCOMPLETE = auto()
+
+
 @dataclass(frozen=True)
 class Branch:
-    """Branch of solutions: points in order, bifurcations, and the reason why the branch ends.
-
-    complete: whether the branch ended at a bound of the parameter, at an equilibrium, at a period
-    doubling or where it began. reason: of the end, in words.
-    """
+    """Branch of solutions: points in order, bifurcations, and how and why the branch ends."""
 
     points: tuple[Point, ...]
     bifurcations: tuple[Bifurcation, ...]
-    complete: bool
+    end: BranchEnd
     reason: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether the branch was followed to its end."""
+        return self.end is not BranchEnd.INCOMPLETE
 
 
 @dataclass(frozen=True)
@@ -187,7 +203,7 @@ def correct_guess(
             change = np.linalg.solve(at.bordered(border), -residual)
         except np.linalg.LinAlgError:
             raise NotConverged("the equations became singular") from None
-        size = problem.length(at.moved @ change)
+        size = problem.length(at.derivative @ change)
         if not np.isfinite(size) or size > max(10 * previous, 100.0):
             raise NotConverged("the correction diverged")
         at = problem.linearise(at.unknowns + change)
@@ -225,38 +241,40 @@ def continue_branch(problem: BranchProblem, start: Point, span: Range) -> Branch
     bifurcations: list[Bifurcation] = []
     step = FIRST_STEP
 
-    def ended(complete: bool, reason: str) -> Branch:
-        return Branch(tuple(points), tuple(bifurcations), complete, reason)
+    def make_branch(end: BranchEnd, reason: str) -> Branch:
+        return Branch(tuple(points), tuple(bifurcations), end, reason)
 
     while len(points) < span.max_points:
         last = points[-1]
-        problem = problem.moved(last.solution)
+        problem = problem.with_reference(last.solution)
         try:
             point = _next_point(problem, last, step)
         except NotConverged as failure:
             step /= 2
             if step < SMALLEST_STEP:
-                return ended(False, f"continuation failed at {last.solution.value:.6g}: {failure}")
+                reason = f"continuation failed at {last.solution.value:.6g}: {failure}"
+                return make_branch(BranchEnd.INCOMPLETE, reason)
             continue
         bound = np.clip(point.solution.value, span.low, span.high)
-        beyond = point.solution.value != bound
-        if beyond:
+        is_beyond = point.solution.value != bound
+        if is_beyond:
             try:
                 point = _at_value(problem, point, bound)
             except NotConverged as failure:
-                return ended(False, f"continuation failed at the bound {bound:g}: {failure}")
-        reason = problem.ended(point.solution)
-        if not reason:
+                reason = f"continuation failed at the bound {bound:g}: {failure}"
+                return make_branch(BranchEnd.INCOMPLETE, reason)
+        end = problem.find_end(point.solution)
+        if end is None:
             bifurcations += _find_bifurcations(problem, last, point, step)
-            if beyond:
-                reason = f"reached {bound:g}"
+            if is_beyond:
+                end = BranchEnd.BOUND, f"reached {bound:g}"
             elif len(points) > 3 and _has_returned(start.solution, last.solution, point.solution):
-                reason = "returned to its start"
+                end = BranchEnd.START, "returned to its start"
         points.append(point)
-        if reason:
-            return ended(True, reason)
+        if end is not None:
+            return make_branch(*end)
         step = min(1.5 * step, 1.0)
-    return ended(False, f"stopped after {len(points)} points")
+    return make_branch(BranchEnd.INCOMPLETE, f"stopped after {len(points)} points")
 
 
 def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
@@ -265,14 +283,14 @@ def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
     guess = last.solution.vector + step * last.tangent
     point = point_at(problem, correct_guess(problem, guess, border), border)
     lengths = problem.length(last.tangent) * problem.length(point.tangent)
-    if border @ point.tangent < LEAST_COSINE * lengths:
+    if border @ point.tangent < MIN_COSINE * lengths:
         raise NotConverged("the branch turns too sharply")
     return point
 
 
 def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
     """Compute the point of the branch at a value of the parameter close to that of `near`."""
-    problem = problem.moved(near.solution)
+    problem = problem.with_reference(near.solution)
     factor = (value - near.solution.value) / near.tangent[-1]
     guess = near.solution.vector + factor * near.tangent
     at = correct_guess(problem, guess, problem.along_parameter())
@@ -287,13 +305,13 @@ def _find_bifurcations(
     for name, before in last.tests.items():
         if before * point.tests[name] < 0:
             try:
-                place, at = _locate_zero(problem, last, name, step)
+                length, at = _locate_zero(problem, last, name, step)
             except (NotConverged, ValueError):  # ValueError: the test jumps on the way
                 between.append((step, Bifurcation(name, point, located=False)))
             else:
-                if problem.confirmed(name, at.stability):
-                    between.append((place, Bifurcation(name, at)))
-    return [bifurcation for _, bifurcation in sorted(between, key=lambda pair: pair[0])]
+                if problem.is_confirmed(name, at.stability):
+                    between.append((length, Bifurcation(name, at)))
+    return [bifurcation for _, bifurcation in sorted(between, key=itemgetter(0))]
 
 
 def _locate_zero(
@@ -311,5 +329,5 @@ def _has_returned(start: Any, last: Any, now: Any) -> bool:
     if begin == end or not min(begin, end) <= start.value <= max(begin, end):
         return False
     share = (start.value - begin) / (end - begin)
-    here = last.signature + share * (now.signature - last.signature)
-    return bool(np.all(np.abs(here - start.signature) <= CLOSED * np.abs(start.signature)))
+    signature = last.signature + share * (now.signature - last.signature)
+    return bool(np.all(np.abs(signature - start.signature) <= CLOSED * np.abs(start.signature)))

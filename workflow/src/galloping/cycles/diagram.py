@@ -9,13 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from galloping.cycles import continuation, limit_cycles
-from galloping.cycles.continuation import Bifurcation, Branch, Equations, Range
+from galloping.cycles.continuation import Bifurcation, Branch, BranchEnd, Equations, Range
 from galloping.cycles.family import Family
 from galloping.model.modes import Modes
 from galloping.model.polynomial import design_matrix
 
 # --- equilibria: where they lose stability to galloping (Hopf), fold or branch ---
-
 
 HOPF, FOLD, BRANCH_POINT = "Hopf", "fold", "branch point"
 
@@ -69,20 +68,21 @@ class EquilibriumProblem(continuation.BranchProblem):
         slope = self.family.slope(unknowns[-1], self.resolution)
         by_value = design_matrix(x, model.terms) @ slope.T
         jacobian = np.column_stack([model.jacobian(x)[0], by_value[0]])
-        found, moved = FixedPoint(unknowns), np.eye(len(unknowns))
-        return Equations(found, unknowns, model(x)[0], jacobian, moved)
+        return Equations(
+            FixedPoint(unknowns), unknowns, model(x)[0], jacobian, np.eye(len(unknowns))
+        )
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Modes, dict[str, float]]:
         """Compute eigenvalues, and test functions for Hopf bifurcation, fold and branch point."""
         modes = Modes.of(at.jacobian[:, :-1])
-        sums = np.array([a + b for a, b in combinations(modes.values, 2)])  # none of one state
+        sums = np.array([a + b for a, b in combinations(modes.values, 2)])
         return modes, {
             HOPF: float(np.real(np.prod(sums))),
             FOLD: tangent[-1],
             BRANCH_POINT: float(np.linalg.det(at.bordered(self.metric * tangent))),
         }
 
-    def confirmed(self, name: str, modes: Modes) -> bool:
+    def is_confirmed(self, name: str, modes: Modes) -> bool:
         """Decide whether a zero of a test function is really the bifurcation of that name.
 
         A pair of real eigenvalues of opposite sign is no Hopf bifurcation.
@@ -157,7 +157,7 @@ def diagram(
     failures: list[str] = []
     while queue:
         start = queue.pop(0)
-        if _is_passed(cycles.values(), start.value, start.period):
+        if _is_known(cycles.values(), start.value, start.period):
             continue
         try:
             branches = start.follow()
@@ -167,13 +167,13 @@ def diagram(
         for side, branch in enumerate(branches, start=1):
             name = start.name if len(branches) == 1 else f"{start.name}, side {side}"
             cycles[name] = branch
-            queue += _leaving_branches(family, branch, name, start.level, depth, span)
+            queue += _list_starts(family, branch, name, start.level, depth, span)
     return Diagram(family, equilibria, cycles, tuple(failures))
 
 
 @dataclass(frozen=True)
 class _Start:
-    """Branches to follow, and an orbit of theirs by which to recognise known ones."""
+    """Branches to follow, with one of their orbits, by which known branches are recognised."""
 
     name: str
     level: int
@@ -182,30 +182,31 @@ class _Start:
     period: float = np.nan
 
 
-def _leaving_branches(
+def _list_starts(
     family: Family, branch: Branch, name: str, level: int, depth: int, span: Range
 ) -> Iterator[_Start]:
-    """Yield the branches that start from a branch, and the one on which a doubled branch ends."""
-    if branch.reason == limit_cycles.ENDED_DOUBLED:
+    """Yield the starts of branches on a branch, and of the one on which a doubled branch ends."""
+    if branch.end is BranchEnd.PERIOD_DOUBLING:
         last = branch.points[-1].solution
         phase = np.linspace(0, 1, 401)
-        both = (last.at(phase) + last.at(phase + 0.5)) / 2  # two turns of one orbit
-        turns = last.value, phase * last.period, both
-        follow = partial(limit_cycles.from_motion, family, *turns, span)
+        states = (last.at(phase) + last.at(phase + 0.5)) / 2  # two turns of one orbit
+        follow = partial(
+            limit_cycles.from_motion, family, last.value, phase * last.period, states, span
+        )
         yield _Start(f"{name}, halved", level, follow, last.value, last.period / 2)
     if level == depth:
         return
     for kind in (limit_cycles.PERIOD_DOUBLING, limit_cycles.BRANCH_POINT):
-        places = [b for b in branch.bifurcations if b.name == kind]
-        for k, at in enumerate(places, start=1):
-            branch_off = partial(limit_cycles.from_branching, family, at, span)
-            orbit = at.point.solution
+        bifurcations = [b for b in branch.bifurcations if b.name == kind]
+        for k, bifurcation in enumerate(bifurcations, start=1):
+            leave = partial(limit_cycles.from_branching, family, bifurcation, span)
+            orbit = bifurcation.point.solution
             known = (orbit.value, 2 * orbit.period) if kind == limit_cycles.PERIOD_DOUBLING else ()
-            yield _Start(f"{name}, {kind} {k}", level + 1, branch_off, *known)
+            yield _Start(f"{name}, {kind} {k}", level + 1, leave, *known)
 
 
-def _is_passed(branches: Iterable[Branch], value: float, period: float) -> bool:
-    """Decide whether a branch passes an orbit of this period at this value of the parameter."""
+def _is_known(branches: Iterable[Branch], value: float, period: float) -> bool:
+    """Decide whether a branch contains an orbit of a given period at a value of the parameter."""
     for branch in branches:
         for before, after in pairwise(branch.points):
             first, second = before.solution, after.solution

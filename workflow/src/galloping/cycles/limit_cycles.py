@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.cycles import continuation
-from galloping.cycles.continuation import Bifurcation, Branch, Equations, Point, Range
+from galloping.cycles.continuation import Bifurcation, Branch, BranchEnd, Equations, Point, Range
 from galloping.cycles.family import Family
 from galloping.cycles.settling import Settled
 from galloping.trajectory.right_hand_side import compile_system, make_tables
@@ -23,16 +23,16 @@ from galloping.trajectory.taylor import at_points, integrate
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
 PERIOD_DOUBLING, NEIMARK_SACKER = "period doubling", "Neimark-Sacker"
-ENDED_DOUBLED = "ended at a period doubling"
 
 PHASES = 256  # at which orbits are compared, a power of two
 STEPS, MOST_STEPS = 32, 2**14  # of the integration of a period, powers of two
 ACCURACY = 1e-13  # truncation of a step's Taylor series, relative to the size of each state
 STEP = 0.5  # longest step, of the orbit's size and of its period
-RESTING = 1e-12  # of an orbit's greatest state: a state that moves less does not move
-DEPARTURE = 1e-2  # of an orbit: first step onto what branches off from it
-RETRACED = 1e-6  # of an orbit's strongest harmonic: a weaker one is none
-VANISHED = 1e-3  # of the largest orbit of the branch: an orbit as small is an equilibrium
+# Relative to the greatest state of an orbit: the amplitude below which a state is constant.
+CONSTANT = 1e-12
+BRANCHING_STEP = 1e-2  # onto a branch that leaves an orbit, relative to the orbit
+MIN_HARMONIC = 1e-6  # relative to the strongest harmonic of an orbit
+VANISHED = 1e-3  # relative to the largest orbit of the branch: smaller ones are equilibria
 
 
 @dataclass(frozen=True)
@@ -82,17 +82,17 @@ class Orbit:
 
         Shape (n_states,), zero if constant.
         """
-        turns = self.at.derivative().roots(extrapolate=False)  # NaN where a state never moves
+        turns = self.at.derivative().roots(extrapolate=False)  # NaN for a constant state
         half = np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
         return np.where(
-            half > RESTING * self.sizes * np.abs(self.states / self.sizes).max(), half, 0.0
+            half > CONSTANT * self.sizes * np.abs(self.states / self.sizes).max(), half, 0.0
         )
 
-    def halves(self) -> np.ndarray:
+    def compare_halves(self) -> np.ndarray:
         """Compute the difference between second and first half of the orbit, phase by phase.
 
-        Shape (PHASES / 2, n_states), in `sizes`. A branch of doubled period ends where both are one
-        orbit; beyond, continuation finds the same branch again, with the halves exchanged.
+        Shape (PHASES / 2, n_states), in `sizes`. A branch of doubled period ends where the halves
+        are equal; beyond, continuation finds the same branch again, with the halves exchanged.
         """
         first, second = np.split(self.vector[:-2].reshape(PHASES, -1) / self.sizes, 2)
         return second - first
@@ -209,10 +209,10 @@ class CycleProblem(continuation.BranchProblem):
         free = np.argwhere(self.slope)
         slopes, steps = self.slope[tuple(free.T)], self.reference.steps
         compiled = compile_system(make_tables(model.terms, n), model.coefficients, free, slopes)
-        # from derivatives by the parameter, where anything depends on it, and by the start
-        chosen = np.vstack([np.eye(n + 2)[-1:][: len(free)], np.eye(n, n + 2)])
+        # columns by parameter, if a coefficient depends on it, and start: to the order of unknowns
+        to_unknowns = np.vstack([np.eye(n + 2)[-1:][: len(free)], np.eye(n, n + 2)])
         while True:
-            states, moved, end, end_moved, truncation = _integrate_period(
+            states, derivative, end, end_derivative, truncation = _integrate_period(
                 compiled, unknowns[:n], period, steps
             )
             if truncation < ACCURACY:
@@ -221,14 +221,16 @@ class CycleProblem(continuation.BranchProblem):
             if steps > MOST_STEPS:
                 raise continuation.NotConverged(f"{MOST_STEPS} steps do not resolve the orbit")
         orbit = Orbit(states, period, value, steps, self.family.sizes)
-        moved, end_moved = moved[:: len(states) // PHASES] @ chosen, end_moved @ chosen
+        derivative = derivative[:: len(states) // PHASES] @ to_unknowns
+        end_derivative = end_derivative @ to_unknowns
         rates = model(orbit.vector[:-2].reshape(PHASES, n))
-        moved[..., n] = np.arange(PHASES)[:, np.newaxis] / PHASES * rates
-        end_moved[:, n] = model(end[np.newaxis])[0]
-        moved = np.vstack([moved.reshape(-1, n + 2), np.eye(n + 2)[n:]])
-        off = self.phase @ (orbit.vector - self.reference.vector)
-        jacobian = np.vstack([end_moved - np.eye(n, n + 2), self.phase @ moved])
-        return Equations(orbit, unknowns, np.append(end - unknowns[:n], off), jacobian, moved)
+        derivative[..., n] = np.arange(PHASES)[:, np.newaxis] / PHASES * rates
+        end_derivative[:, n] = model(end[np.newaxis])[0]
+        derivative = np.vstack([derivative.reshape(-1, n + 2), np.eye(n + 2)[n:]])
+        shift = self.phase @ (orbit.vector - self.reference.vector)
+        residual = np.append(end - unknowns[:n], shift)
+        jacobian = np.vstack([end_derivative - np.eye(n, n + 2), self.phase @ derivative])
+        return Equations(orbit, unknowns, residual, jacobian, derivative)
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Floquet, dict[str, float]]:
         """Compute Floquet multipliers, and test functions for bifurcations of limit cycles."""
@@ -243,7 +245,7 @@ class CycleProblem(continuation.BranchProblem):
             NEIMARK_SACKER: float(np.prod(pairs).real) if pairs else 1.0,
         }
 
-    def confirmed(self, name: str, stability: Floquet) -> bool:
+    def is_confirmed(self, name: str, stability: Floquet) -> bool:
         """Decide whether a zero of a test function is really the bifurcation of that name.
 
         Two real multipliers with product one are no Neimark-Sacker bifurcation.
@@ -253,19 +255,21 @@ class CycleProblem(continuation.BranchProblem):
         mu = stability.multipliers
         return bool(np.any((np.abs(mu.imag) > 1e-6) & (np.abs(np.abs(mu) - 1) < 1e-4)))
 
-    def moved(self, orbit: Orbit) -> Self:
+    def with_reference(self, orbit: Orbit) -> Self:
         """Return the problem with a new reference orbit."""
         slope = self.family.slope(orbit.value, self.resolution)
         largest = max(self.largest, orbit.spread)
         return replace(self, reference=orbit, slope=slope, largest=largest)
 
-    def ended(self, orbit: Orbit) -> str:
-        """Return the reason why the branch ends at an orbit, or '' if it continues."""
+    def find_end(self, orbit: Orbit) -> tuple[BranchEnd, str] | None:
+        """Return how and why the branch ends at an orbit, or None if it continues."""
         if orbit.spread > self.ceiling:
-            return f"grew beyond {self.ceiling:g}"
-        if np.sum(orbit.halves() * self.reference.halves()) < 0:
-            return ENDED_DOUBLED
-        return "ended at an equilibrium" if orbit.spread < VANISHED * self.largest else ""
+            return BranchEnd.CEILING, f"grew beyond {self.ceiling:g}"
+        if np.sum(orbit.compare_halves() * self.reference.compare_halves()) < 0:
+            return BranchEnd.PERIOD_DOUBLING, "ended at a period doubling"
+        if orbit.spread < VANISHED * self.largest:
+            return BranchEnd.EQUILIBRIUM, "ended at an equilibrium"
+        return None
 
 
 def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
@@ -274,17 +278,19 @@ def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) ->
     Returns states at even phases, their derivatives by the parameter and the start, the same of the
     end, and the truncation error.
     """
-    n, places = len(start), np.arange(max(1, PHASES // steps))
-    window = np.repeat(np.arange(steps), len(places))
-    tau = np.tile(places / len(places), steps)
+    n, samples_per_step = len(start), max(1, PHASES // steps)
+    window = np.repeat(np.arange(steps), samples_per_step)
+    tau = np.tile(np.arange(samples_per_step) / samples_per_step, steps)
     powers, samples, _ = at_points(compiled, window, tau, steps, n)
     with np.errstate(all="ignore"):
-        states, moved, end, end_moved, truncation = integrate(
+        states, derivative, end, end_derivative, truncation = integrate(
             compiled, period / steps, np.array([0, steps]), start[np.newaxis], powers,
             np.arange(n), np.zeros((steps, 1, 0)), True, samples,
         )  # fmt: skip
-    states, moved = (of.swapaxes(1, 2).reshape(-1, n, *of.shape[3:]) for of in (states, moved))
-    return states, moved, end[0], end_moved[0], truncation
+    states, derivative = (
+        array.swapaxes(1, 2).reshape(-1, n, *array.shape[3:]) for array in (states, derivative)
+    )
+    return states, derivative, end[0], end_derivative[0], truncation
 
 
 def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3) -> Branch:
@@ -319,10 +325,10 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
         )
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
     linearised = problem.linearise(problem.unknowns(orbit.vector))
-    # where the equations have a second null vector, the one across the tangent
+    # the second null vector of the equations, perpendicular to the tangent
     *_, right = np.linalg.svd(linearised.bordered(problem.metric * tangent))
-    direction = linearised.moved @ right[-1]
-    direction *= DEPARTURE / (STEP * problem.length(direction))
+    direction = linearised.derivative @ right[-1]
+    direction *= BRANCHING_STEP / (STEP * problem.length(direction))
     branches = []
     for away in (direction,) if doubled else (direction, -direction):
         start = continuation.first_point(problem, orbit.vector + away, problem.metric * away)
@@ -362,11 +368,11 @@ def cycle_from_motion(
     """
     orbit = _last_turn(time, states, value, family.sizes)
     point = _correct_orbit(family, orbit, resolution)
-    if (turns := _count_turns(point.solution)) <= 1:
-        return point
     orbit = point.solution
-    once = orbit.at(np.arange(PHASES) / PHASES / turns)
-    orbit = replace(orbit, states=once, period=orbit.period / turns, value=value)
+    if (turns := _count_turns(orbit)) <= 1:
+        return point
+    one_turn = orbit.at(np.arange(PHASES) / PHASES / turns)
+    orbit = replace(orbit, states=one_turn, period=orbit.period / turns, value=value)
     return _correct_orbit(family, orbit, resolution)
 
 
@@ -384,7 +390,7 @@ def _count_turns(orbit: Orbit) -> int:
     """
     changes = orbit.vector[:-2].reshape(PHASES, -1) / orbit.sizes
     strength = np.linalg.norm(np.fft.rfft(changes, axis=0), axis=1)[1:]
-    return int(np.gcd.reduce(1 + np.flatnonzero(strength > RETRACED * strength.max())))
+    return int(np.gcd.reduce(1 + np.flatnonzero(strength > MIN_HARMONIC * strength.max())))
 
 
 def find_cycle_from_motion(family: Family, value: float, motion: Settled) -> Point | None:
@@ -400,16 +406,17 @@ def _last_turn(
 ) -> Orbit:
     """Extract the last period of a motion, since it was last closest to its end."""
     distance = np.linalg.norm((states - states[-1]) / sizes, axis=1)
-    near = distance < 0.05 * np.max(distance)
-    away = np.flatnonzero(~near)
-    before = np.flatnonzero(near[: away[-1]]) if len(away) else away
+    is_near = distance < 0.05 * np.max(distance)
+    far = np.flatnonzero(~is_near)
+    before = np.flatnonzero(is_near[: far[-1]]) if len(far) else far
     if not len(before):
         raise ValueError(f"the motion at {value:g} does not come back to where it ends")
-    stretch = np.arange(np.max(np.flatnonzero(~near[: before[-1]]), initial=-1) + 1, before[-1] + 1)
-    back = stretch[np.argmin(distance[stretch])]
-    period = float(time[-1] - time[back])
-    phases = time[back] + period * np.arange(PHASES) / PHASES
-    return Orbit(CubicSpline(time, states)(phases), period, value, sizes=sizes)
+    first = np.max(np.flatnonzero(~is_near[: before[-1]]), initial=-1) + 1
+    passage = np.arange(first, before[-1] + 1)
+    begin = passage[np.argmin(distance[passage])]
+    period = float(time[-1] - time[begin])
+    times = time[begin] + period * np.arange(PHASES) / PHASES
+    return Orbit(CubicSpline(time, states)(times), period, value, sizes=sizes)
 
 
 def find_cycles_at(family: Family, branch: Branch, value: float) -> list[Point]:
