@@ -130,7 +130,7 @@ def plot_phase(
     columns = [names.index(name) for name in shown]
     follow, time = Following(model, without_outliers(recording)), recording.time
     first_periods = slice(0, int(np.searchsorted(time, time[0] + PERIODS * longest_period(given))))
-    start = follow.begin(first_periods)
+    start = follow.fit_start(first_periods)
     with styled(FONT_SIZE):
         space: dict[str, Any] = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}
         figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)

@@ -125,38 +125,38 @@ class Assessment(Immutable):
         return pd.DataFrame(assessment_rows(self, {}))
 
 
-def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
+def assessment_rows(assessment: Assessment, units: Mapping[str, str]) -> list[dict]:
     """Convert an assessment to table rows, one row for each computed number.
 
     A row has the inputs, then what, number, stable, quantity, value, low, high, unit, and whether
     the value is outside the recorded range.
     """
-    found: list[tuple] = []
-    for condition in of.conditions:
+    entries: list[tuple] = []
+    for condition in assessment.conditions:
         for number, rest in enumerate(condition.equilibria, start=1):
-            own = condition.at, "rest", number, rest.stable, rest.is_extrapolated
-            found += [(*own, f"place of {k}", v, plain_unit(k)) for k, v in rest.place.items()]
+            key = condition.at, "rest", number, rest.stable, rest.is_extrapolated
+            entries += [(*key, f"place of {k}", v, plain_unit(k)) for k, v in rest.place.items()]
             for k, mode in enumerate(rest.modes, start=1):
                 name = f"of mode {k} ({mode.state})"
                 if mode.frequency.value:
-                    found.append((*own, f"frequency {name}", mode.frequency, "Hz"))
-                    found.append((*own, f"damping {name}", mode.damping, ""))
+                    entries.append((*key, f"frequency {name}", mode.frequency, "Hz"))
+                    entries.append((*key, f"damping {name}", mode.damping, ""))
                 else:
-                    found.append((*own, f"decay {name}", mode.damping, "1/s"))
+                    entries.append((*key, f"decay {name}", mode.damping, "1/s"))
         for number, cycle in enumerate(condition.cycles, start=1):
-            own = condition.at, "limit cycle", number, cycle.stable, cycle.is_extrapolated
-            halves = cycle.half_range.items()
-            found += [(*own, f"half range of {k}", v, plain_unit(k)) for k, v in halves]
-            found.append((*own, "period", cycle.period, "s"))
-    anywhere = dict.fromkeys(of.conditions[0].at, np.nan)
-    for number, onset in enumerate(of.onsets, start=1):
-        own = anywhere, "onset", number, not onset.is_growing_above, False
-        found.append((*own, of.along, onset.value, units.get(of.along, "")))
+            key = condition.at, "limit cycle", number, cycle.stable, cycle.is_extrapolated
+            amplitudes = cycle.half_range.items()
+            entries += [(*key, f"half range of {k}", v, plain_unit(k)) for k, v in amplitudes]
+            entries.append((*key, "period", cycle.period, "s"))
+    no_values, along = dict.fromkeys(assessment.conditions[0].at, np.nan), assessment.along
+    for number, onset in enumerate(assessment.onsets, start=1):
+        key = no_values, "onset", number, not onset.is_growing_above, False
+        entries.append((*key, along, onset.value, units.get(along, "")))
     return [
         {
             **at, "what": what, "number": number, "stable": stable, "quantity": quantity,
             "value": value.value, "low": value.low, "high": value.high, "unit": unit,
             "extrapolated": extrapolated,
         }
-        for at, what, number, stable, extrapolated, quantity, value, unit in found
+        for at, what, number, stable, extrapolated, quantity, value, unit in entries
     ]  # fmt: skip

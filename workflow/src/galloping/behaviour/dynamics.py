@@ -20,10 +20,11 @@ from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_dra
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
-MIN_CYCLE_SHARE = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
+# Share of the drawn models with a limit cycle; fewer are a biased sample, of small motions.
+MIN_CYCLE_SHARE = 0.9
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
-BEYOND_RECORDED = 1.2  # times the recorded motion, from which a limit cycle is beyond it
-ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in sizes of the motion
+BEYOND_RECORDED = 1.2  # times the recorded motion, above which a limit cycle is extrapolated
+ROUNDING = 1e-9  # of a damping ratio, and of an equilibrium, in sizes of the motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +93,17 @@ class Surroundings(Immutable):
 
         The search for it, (n_states,), begins at the middle.
         """
-        found = find_equilibrium(model, self.middle, self.sizes(model))
-        inside = np.all((found.x >= self.low) & (found.x <= self.high))
-        return found.x if found.success and inside else None
+        solution = find_equilibrium(model, self.middle, self.sizes(model))
+        is_inside = np.all((solution.x >= self.low) & (solution.x <= self.high))
+        return solution.x if solution.success and is_inside else None
 
 
 def farthest_start(starts: np.ndarray, middle: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Return the known initial state that is farthest from the middle of a motion.
 
-    Larger motions may go on where smaller ones die out. starts: (n_recordings, n_states), NaN where
-    unknown. middle, sizes: (n_states,) of the motion. The last start if none is known.
+    A large motion may approach a limit cycle that a small one does not. starts: (n_recordings,
+    n_states), NaN where unknown. middle, sizes: (n_states,) of the motion. The last start if none
+    is known.
     """
     distances = np.linalg.norm((starts - middle) / sizes, axis=1)
     return starts[np.nanargmax(distances)] if np.isfinite(distances).any() else starts[-1]
@@ -119,14 +121,15 @@ def find_equilibrium(
     """
     model = model.without_dry_friction()
     time = Pace.of(model, start).slow / (2.0 * np.pi)
-    found = root(
+    solution = root(
         lambda x: model((x * sizes)[np.newaxis])[0] * time / sizes, start / sizes,
         jac=lambda x: model.jacobian((x * sizes)[np.newaxis])[0] * time * sizes / sizes[:, None],
         tol=ROUNDING,
     )  # fmt: skip
-    found.success |= bool(np.max(np.abs(found.fun)) < ROUNDING)  # from where it began, too
-    found.x = np.where(np.abs(found.x) < ROUNDING, 0.0, found.x) * sizes
-    return found
+    # the solver reports no success if the start is an equilibrium
+    solution.success |= bool(np.max(np.abs(solution.fun)) < ROUNDING)
+    solution.x = np.where(np.abs(solution.x) < ROUNDING, 0.0, solution.x) * sizes
+    return solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,11 +193,11 @@ def dynamics(
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
     point = find_cycle_from_motion(constant_family(model, sizes), 0.0, motion)
-    if point is None:  # for the solver: the motion itself does repeat
+    if point is None:  # the motion repeats, but the solver does not converge
         half = {model.states[i]: Value(float(motion.half_range[i])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
-    orbits = [found for each in models if (found := _find_orbit(each, orbit, pace)) is not None]
+    orbits = [other for each in models if (other := _find_orbit(each, orbit, pace)) is not None]
     ends, half = cycle_intervals(orbits, len(model.states), fewest), orbit.half_range()
     return Dynamics(
         rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
@@ -256,16 +259,17 @@ def _propagate_covariance(
     """
     model, support = identified.model, np.argwhere(identified.support)
     errors = np.sqrt(np.diag(identified.covariance))
-    known = errors == 0.0
-    errors[known] = 1.0
+    is_known = errors == 0.0
+    errors[is_known] = 1.0
 
-    def of(step: np.ndarray) -> np.ndarray:
+    def properties(step: np.ndarray) -> np.ndarray:
         coefficients = model.coefficients.copy()
         coefficients[tuple(support.T)] += step
         return _linear_properties(replace(model, coefficients=coefficients), pairs, around)
 
-    best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(np.where(known, 0.0, errors))
-    slopes = np.array([(of(step) - of(-step)) / (2.0 * DIFFERENCE) for step in steps])
+    best = properties(np.zeros(len(errors)))
+    steps = DIFFERENCE * np.diag(np.where(is_known, 0.0, errors))
+    slopes = np.array([properties(step) - properties(-step) for step in steps]) / (2.0 * DIFFERENCE)
     correlation = identified.covariance / np.outer(errors, errors)
     deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
     slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])
@@ -302,13 +306,12 @@ def _compute_forced_dynamics(
         omega = 2.0 * np.pi * best[1, n]
         low, high = decay_interval(decay[n], decay_error[n], duration)
         damping[name] = Value(best[2, n], low / omega, high / omega)
-    for one in filter(lambda each: each.is_mode, identified.resonances):
-        (error, of_ratio), omega = one.errors, one.frequency
-        frequencies[one.name] = Value.about(
-            omega / (2.0 * np.pi), NORMAL_95 * error / (2.0 * np.pi)
-        )
-        low, high = decay_interval(omega * one.damping, omega * of_ratio, duration)
-        damping[one.name] = Value(one.damping, low / omega, high / omega)
+    for mode in (resonance for resonance in identified.resonances if resonance.is_mode):
+        (error, ratio_error), omega = mode.errors, mode.frequency
+        half = NORMAL_95 * error / (2.0 * np.pi)
+        frequencies[mode.name] = Value.about(omega / (2.0 * np.pi), half)
+        low, high = decay_interval(omega * mode.damping, omega * ratio_error, duration)
+        damping[mode.name] = Value(mode.damping, low / omega, high / omega)
     return Dynamics(rest, frequencies, damping, "forced", None, {})
 
 
@@ -317,13 +320,13 @@ def expected_dynamics(
 ) -> Dynamics | None:
     """Compute equilibrium, frequencies, damping and limit cycle of a known (true) model.
 
-    Its motion begins as that of the identified model. Its initial state is as far from its
-    equilibrium, about zero, as the identified one from the recorded equilibrium.
+    Its equilibrium is near zero. Its initial state is as far from zero as that of the identified
+    model from the recorded equilibrium.
     """
     if model.states != identified.model.states:
         return None
-    recorded = around.rest(identified.model)
-    shift = around.middle if recorded is None else recorded
+    rest = around.rest(identified.model)
+    shift = around.middle if rest is None else rest
     start = identified.initial_states - shift
     exact = IdentifiedModel(model, "unjudged", initial_states=start)
     ends = around.low - shift, around.high - shift
@@ -333,8 +336,8 @@ def expected_dynamics(
 
 def _find_orbit(model: PolynomialModel, orbit: Orbit, pace: Pace) -> Orbit | None:
     """Find the limit cycle of another model near a known one, or by simulation from there."""
-    if close := find_nearby_cycles([model], orbit):
-        return close[0]
+    if nearby := find_nearby_cycles([model], orbit):
+        return nearby[0]
     motion = settle_in_periods(simulator_of(model), model, orbit.states[0], pace, orbit.sizes)
     point = find_cycle_from_motion(constant_family(model, orbit.sizes), 0.0, motion)
     return point.solution if point else None
@@ -349,13 +352,13 @@ def _linear_properties(
         return result
     result[0] = rest[list(pairs)]
     modes, sizes = model.small_motions(rest).oscillations(), around.sizes(model)[:, np.newaxis]
-    places, own = match_modes(np.abs(modes.shapes / sizes)[list(pairs)])
-    result[1:, places] = modes.omega[own] / (2 * np.pi), modes.damping[own]
+    rows, columns = match_modes(np.abs(modes.shapes / sizes)[list(pairs)])
+    result[1:, rows] = modes.omega[columns] / (2 * np.pi), modes.damping[columns]
     return result
 
 
 def match_modes(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Match states with the modes that they name: as many pairs of both as there can be.
+    """Match states and modes one to one, so that each mode is named after the state that moves.
 
     shares: (n_states, n_modes), how much each state moves in a mode, relative to the motion.
     Returns the indices of the states, and those of their modes.

@@ -20,22 +20,23 @@ from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
 from galloping.trajectory.simulation import Simulator, rates_along
 
-ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
-CONVERGED = 1e-4  # decrease of chi^2 that a step promises, below which it is the last
-NEARBY = 2  # of them, from a start that is near
-STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from, one after another
+# Gauss-Newton iterations of the fit of a start, from any guess and from a near one.
+ITERATIONS, ITERATIONS_NEAR = 4, 2
+CONVERGED = 1e-4  # expected decrease of chi^2 below which a step is the last
+STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # shares of the samples to which a start is fitted in turn
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
-FAR = 1e6  # times the recorded motion, from which a model runs away
-SLOPE = 1 / 4  # of the fastest period, over which a first guess of a velocity is a slope,
-MIN_SAMPLES = 5  # but so many samples
+DIVERGENCE_FACTOR = 1e6  # ratio to the recorded motion above which a motion diverges
+# A first guess of a velocity is a slope over this share of the fastest period, and over at least
+# this number of samples.
+SLOPE_SHARE, MIN_SAMPLES = 1 / 4, 5
 
 
 @dataclass(frozen=True)
 class Sensed:
     """Channels in which model and recording are compared: states and some of their derivatives.
 
-    The derivatives are those measured where no displacement is. rates: indices of the states whose
-    rates are measured alone, as by accelerometers.
+    rates: indices of the states whose derivatives are compared: those that are measured without a
+    displacement, as by accelerometers.
     """
 
     states: tuple[str, ...]
@@ -60,9 +61,9 @@ class Sensed:
 
         Shape (n, n_sensed). Rates are without their unknown offsets.
         """
-        columns = [recording.values]
         if recording.rates is None:
             return recording.values
+        columns = [recording.values]
         for k in self.rates:
             rate = recording.rates[:, k]
             if recording.unknown_offsets is not None and recording.unknown_offsets[k]:
@@ -104,11 +105,11 @@ def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     known = np.isfinite(values)
     if np.count_nonzero(known) < MIN_VALUES:
         return values
-    time, own = time[known], values[known]
-    frequency, share = spectrum(time, own, float(np.median(np.diff(time))))
-    own = np.where(find_outliers(time, own, frequency[find_peaks(share)[1]]), np.nan, own)
+    time, samples = time[known], values[known]
+    frequency, share = spectrum(time, samples, float(np.median(np.diff(time))))
+    are_outliers = find_outliers(time, samples, frequency[find_peaks(share)[1]])
     cleaned = values.copy()
-    cleaned[known] = own
+    cleaned[known] = np.where(are_outliers, np.nan, samples)
     return cleaned
 
 
@@ -162,9 +163,8 @@ class Following:
         Shape (n_sensed,).
         """
         rates = self.sensed.names[len(self.sensed.states) :]
-        told = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
-        own = np.fmax.reduce(self.identified.sigma, axis=0, initial=0.0)
-        return np.append(own, told)
+        of_rates = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
+        return np.append(np.fmax.reduce(self.identified.sigma, axis=0, initial=0.0), of_rates)
 
     @property
     def inverse_sigma(self) -> np.ndarray:
@@ -186,7 +186,7 @@ class Following:
         size = estimate_missing_sizes(
             size, steady, np.zeros(len(size)), half_ranges([recording.rates])
         )
-        return FAR * float(np.linalg.norm(size))
+        return DIVERGENCE_FACTOR * float(np.linalg.norm(size))
 
     @property
     def _inputs(self) -> dict[str, Input]:
@@ -198,9 +198,11 @@ class Following:
         Shape (n, n_sensed), not finite where the motion diverges.
         """
         states = self._simulator(model, start, time, self._inputs, self._limit).states
-        return self.shown(model, states, time)
+        return self.to_channels(model, states, time)
 
-    def shown(self, model: PolynomialModel, states: np.ndarray, time: np.ndarray) -> np.ndarray:
+    def to_channels(
+        self, model: PolynomialModel, states: np.ndarray, time: np.ndarray
+    ) -> np.ndarray:
         """Convert the states of a simulated motion to the channels of the recording.
 
         From (n, n_states) to (n, n_sensed).
@@ -210,15 +212,15 @@ class Following:
         rates = rates_along(model, states, inputs_at_times(list(self._inputs.values()), time))
         return np.hstack([states, rates[:, self.sensed.rates]])
 
-    def begin(self, rows: slice) -> np.ndarray | None:
+    def fit_start(self, rows: slice) -> np.ndarray | None:
         """Fit the initial state of the model to some samples; None if its motion diverges.
 
         Returns (n_states,).
         """
         guess = first_guess(self.recording, rows.start)
-        return self.start(self.identified.model, rows, guess, self.samples[rows])
+        return self.fit_start_of(self.identified.model, rows, guess, self.samples[rows])
 
-    def start(
+    def fit_start_of(
         self,
         model: PolynomialModel,
         rows: slice,
@@ -237,23 +239,25 @@ class Following:
         target, start = np.nan_to_num(values), guess
         for stage in STAGES if slopes is None else STAGES[-1:]:
             n = max(int(stage * len(time)), min(len(time), 2 * len(guess)))
-            for _ in range(ITERATIONS if slopes is None else NEARBY):
+            for _ in range(ITERATIONS if slopes is None else ITERATIONS_NEAR):
                 motion = self.motion(model, start, time[:n])
                 if not np.isfinite(motion).all():
                     return None
-                own = self.slopes(model, start, motion, time[:n]) if slopes is None else slopes
-                if not np.isfinite(own).all():
+                by_start = slopes
+                if by_start is None:
+                    by_start = self.differentiate(model, start, motion, time[:n])
+                if not np.isfinite(by_start).all():
                     return None
-                left = ((target[:n] - motion) * weight[:n]).ravel()
-                design = (own * weight[:n]).reshape(len(start), -1).T
+                residuals = ((target[:n] - motion) * weight[:n]).ravel()
+                design = (by_start * weight[:n]).reshape(len(start), -1).T
                 size = np.linalg.norm(design, axis=0) + np.finfo(float).tiny
-                step = np.linalg.lstsq(design / size, left, rcond=1e-12)[0]
+                step = np.linalg.lstsq(design / size, residuals, rcond=1e-12)[0]
                 start = start + step / size
                 if np.sum((design @ (step / size)) ** 2) < CONVERGED:
                     break
         return start
 
-    def slopes(
+    def differentiate(
         self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray, time: np.ndarray
     ) -> np.ndarray:
         """Compute the derivatives of a simulated motion by its initial state.
@@ -281,10 +285,7 @@ class Following:
 
 
 def first_guess(recording: Recording, begin: int) -> np.ndarray:
-    """Estimate all states at one sample, by interpolation and slopes, as a first guess.
-
-    Unmeasured velocities are slopes.
-    """
+    """Estimate all states at one sample by interpolation; unmeasured velocities are slopes."""
     recording = with_integrals(recording)
     time, states = recording.time, recording.states
     guess = np.zeros(len(states))
@@ -298,9 +299,8 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
             known = np.isfinite(source)
             if np.count_nonzero(known) <= MIN_SAMPLES:
                 continue
-            away = np.abs(time[known] - time[begin])
-            nearest = np.partition(away, MIN_SAMPLES)[MIN_SAMPLES]
-            within = max(SLOPE / 2 * shortest_period([recording]), nearest)
-            near = away <= within
-            guess[k] = np.polyfit(time[known][near] - time[begin], source[known][near], 1)[0]
+            distance = np.abs(time[known] - time[begin])
+            nearest = np.partition(distance, MIN_SAMPLES)[MIN_SAMPLES]
+            is_near = distance <= max(SLOPE_SHARE / 2 * shortest_period([recording]), nearest)
+            guess[k] = np.polyfit(time[known][is_near] - time[begin], source[known][is_near], 1)[0]
     return guess

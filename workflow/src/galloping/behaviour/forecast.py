@@ -128,7 +128,7 @@ def forecast(
     if identified.is_forced:
         models = draw_models(identified, rng, FORECAST_DRAWS)
         states = in_random_forces.simulate_motions(identified, models, recording, time, rng)
-        shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
+        shown = (follow.to_channels(*each, time) for each in zip(models, states, strict=True))
         motions = np.array(list(shown))
         missed = in_random_forces.add_force_noise(identified, recording, sensed.rates, sigma)
     elif identified.status == "approximate":
@@ -283,7 +283,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
         values = follow.samples[own]
         if np.isfinite(values[:, sigma > 0]).sum() < MIN_SAMPLES * len(sigma):
             continue
-        start = follow.begin(own)
+        start = follow.fit_start(own)
         motion = None if start is None else follow.motion(identified.model, start, time[own])
         left.append(np.inf if motion is None else follow.misfit(motion, values))
     if left and not np.median(left) <= least:
@@ -317,17 +317,17 @@ def _draw_motions(
             f"{len(sampled)} samples; a forecast needs "
             f"{len(recording.states)} or more to start from"
         )
-    fitted = follow.begin(rows)
+    fitted = follow.fit_start(rows)
     motions = []
     if fitted is None:
         return np.empty((0, len(time), len(sigma)))
     near = follow.motion(best, fitted, sampled)
     if follow.misfit(near, values) < worst:
-        slopes = follow.slopes(best, fitted, near, sampled)
+        slopes = follow.differentiate(best, fitted, near, sampled)
         for model in draw_models(follow.identified, rng, FORECAST_DRAWS):
             passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
-            start = follow.start(model, rows, fitted, noisy, slopes)
+            start = follow.fit_start_of(model, rows, fitted, noisy, slopes)
             if start is None:
                 continue
             motion = follow.motion(model, start, np.concatenate([sampled, time]))
@@ -354,7 +354,7 @@ def _past_errors(follow: Following, ahead: np.ndarray, window: float) -> np.ndar
         begin, now, end = first_from(time, (origin - window, origin, origin + horizon))
         if now - begin < len(values[0]):
             continue  # the window falls into a gap
-        start = follow.begin(slice(begin, now))
+        start = follow.fit_start(slice(begin, now))
         if start is None:
             continue
         motion = follow.motion(follow.identified.model, start, time[begin:end])[now - begin :]

@@ -22,19 +22,19 @@ from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import polynomial_library, velocity_pairs
 from galloping.recording.samples import Recording
 
-# A motion without random forces follows from its start: where the line is stable it dies out. A
-# motion of a stable line that does not is forced (ambient vibration, buffeting); a model that goes
-# on moving where the recorded motion dies out is none of the line.
-LASTING = 1 / 3  # of a motion that its last third has at least, where it does not decay
-OUTLASTS = 3.0  # times the other motion then: that of the model, or the recorded one
+# Without random forces, the motion of a stable line dies out. If it does not, it is forced (ambient
+# vibration, buffeting). If the recorded motion dies out and that of the model does not, the model
+# is not that of the line.
+LASTING = 1 / 3  # ratio of the last third of a motion to all of it, above which it does not decay
+OUTLASTS = 3.0  # ratio of the last thirds of a recorded and a simulated motion, or the inverse
 THIRDS = 3  # parts of a recording, which are compared
 LEAST_PERIODS = 15  # of a part
-# Share of the motion that one model misses, below which a difference changes no number of interest,
-# and how many times as much as models of the parts it then misses. Measured: on lines in gusts of
-# 5 % one model misses no more than those of the thirds do, in winds 4 % apart five times as much.
+# A difference counts if the common model misses more than RELEVANT of the motion, and more than
+# WORSE times as much as the models of the parts. Measured: the ratio is at most 1 for the thirds of
+# recordings in gusts of 5 %, and 5 for recordings whose winds differ by 4 %.
 RELEVANT, WORSE = 0.03, 2.0
-UNLIKE = 3.5  # standard errors between values of two halves: once in 500 of four by chance
-SHARE = "error_share_all_"  # and a channel: a diagnostic of approximate models
+SIGNIFICANT = 3.5  # standard errors between two halves: 1 of 500 sets of four values by chance
+SHARE = "error_share_all_"  # begins the name of a diagnostic of approximate models, by channel
 
 Identify = Callable[[Sequence[Recording]], IdentifiedModel]
 
@@ -64,17 +64,16 @@ def with_objections(
     if objections:
         objections = more or objections
     elif (not are_one or identified.status == "refused") and (
-        found := find_difference(identified, recordings, identify)
+        difference := find_difference(identified, recordings, identify)
     ):
-        objections = [found.between(names)]
+        objections = [difference.between(names)]
     if objections or identified.status == "refused":
         findings, model = (*faults, *(objections or identified.findings)), identified.model
         return IdentifiedModel.refused(model.states, model.terms, findings, model.inputs)
     if (len(recordings) == 1 or are_one) and not more:
         more = _find_changes(identified, recordings, period, identify)
-    alone = identified.is_forced and len(recordings) == 1 and not more
-    if alone:
-        more = _changing_at_random(identified, recordings[0], period)
+    if identified.is_forced and len(recordings) == 1 and not more:
+        more = _find_changes_at_random(identified, recordings[0], period)
     return identified.with_findings(*more)
 
 
@@ -82,26 +81,26 @@ def _find_random_forces(
     identified: IdentifiedModel, recordings: Sequence[Recording], period: float
 ) -> list[Finding]:
     """Find whether random forces sustain the motion, which no model follows then."""
-    kept = [Finding.of(Code.KEPT_UP)]
+    sustained = [Finding.of(Code.KEPT_UP)]
     if identified.is_forced:
         return []
-    own, has_model = excerpts(list(recordings)), identified.status != "refused"
+    parts, has_model = excerpts(list(recordings)), identified.status != "refused"
     if has_model and (still := unaccelerated_coordinates(identified)):
         return [Finding.of(Code.NOT_ACCELERATED, name) for name in still]
-    if identified.model.inputs:  # they keep it up; a model that comes to rest may lack terms
+    if identified.model.inputs:  # they sustain the motion; a model that comes to rest lacks terms
         return []
     if has_model and any(
-        recording_outlasts_model(identified, parts)
-        for parts in _list_identified_parts(identified, recordings)
+        recording_outlasts_model(identified, used)
+        for used in _list_identified_parts(identified, recordings)
     ):
-        return kept
+        return sustained
     if not identified.tells_little or not amplitude_fluctuates(recordings, period):
         return []
-    linear = maximum_likelihood(own, polynomial_library(len(identified.model.states), 1))
+    linear = maximum_likelihood(parts, polynomial_library(len(identified.model.states), 1))
     if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):
-        return []  # a search to its end may tell more
-    told = float(linear.diagnostics.get("forecast_r2", 0.0))  # none of a model in random forces
-    return kept if told < LITTLE_TOLD or recording_outlasts_model(linear, own) else []
+        return []  # a complete search may find a model
+    r2 = float(linear.diagnostics.get("forecast_r2", 0.0))  # a model in random forces has none
+    return sustained if r2 < LITTLE_TOLD or recording_outlasts_model(linear, parts) else []
 
 
 def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
@@ -117,9 +116,9 @@ def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording])
 def _list_identified_parts(
     identified: IdentifiedModel, recordings: Sequence[Recording]
 ) -> list[Sequence[Recording]]:
-    """List the recordings and their excerpts, whichever the model can have been found from."""
-    choices = (excerpts(list(recordings)), recordings)
-    return [parts for parts in choices if len(parts) == len(identified.initial_states)]
+    """List those of recordings and excerpts from which the model can have been identified."""
+    candidates = (excerpts(list(recordings)), recordings)
+    return [parts for parts in candidates if len(parts) == len(identified.initial_states)]
 
 
 def _find_changes(
@@ -137,11 +136,11 @@ def _find_changes(
             return []
         edges = first_from(time, np.linspace(time[0], time[-1], THIRDS + 1))
         parts = [recording[a:b] for a, b in pairwise(edges)]
-    found = find_difference(identified, parts, identify)
+    difference = find_difference(identified, parts, identify)
     drifts = identified.has_finding(Code.DRIFTS, Code.RESIDUAL_DRIFTS)
-    if not found or (drifts and found.own > 0.0):  # what drifts does so part by part as well
+    if not difference or (drifts and difference.own > 0.0):  # a drift affects each part as well
         return []
-    return [found.within(_list_spans(parts))]
+    return [difference.within(_list_spans(parts))]
 
 
 def _list_spans(parts: Sequence[Recording]) -> str:
@@ -150,37 +149,35 @@ def _list_spans(parts: Sequence[Recording]) -> str:
     return ", ".join(f"{first:g} to {last:g} s" for first, last in ends)
 
 
-def _changing_at_random(
+def _find_changes_at_random(
     identified: IdentifiedModel, recording: Recording, period: float
 ) -> list[Finding]:
     """Find a frequency or damping that changes within a recording under random forces.
 
-    Its halves then differ by more than UNLIKE standard errors.
+    Its halves then differ by more than SIGNIFICANT standard errors.
     """
     is_short = np.ptp(recording.time) < 2 * LEAST_PERIODS * period
     if identified.model.inputs or is_short or len(recording.time) < 2 * FEWEST:
         return []
     middle, model = len(recording.time) // 2, identified.model
-    halves, told = [recording[:middle], recording[middle:]], []
+    halves = [recording[:middle], recording[middle:]]
+    known, properties = tuple(model.states[i] for i in identified.known), []
     for half in halves:
-        known = tuple(model.states[i] for i in identified.known)
         found = maximum_likelihood([half], model.terms, model, known, forced=())
-        if found.status == "refused":
+        properties.append(dynamics(found, Surroundings.of([half]), np.random.default_rng(0)))
+        if properties[-1] is None:
             return []
-        of = dynamics(found, Surroundings.of([half]), np.random.default_rng(0))
-        if of is None:
-            return []
-        told.append((of.frequencies, of.damping))
-    for names, code, unit, factor in (
-        (0, Code.FREQUENCY_CHANGES, "hz", 1.0), (1, Code.DAMPING_CHANGES, "percent", 100.0),
-    ):  # fmt: skip
-        first, second = told[0][names], told[1][names]
-        for name in first.keys() & second.keys():
-            one, other = first[name], second[name]
-            error = np.hypot(one.high - one.low, other.high - other.low) / (2.0 * NORMAL_95)
-            if abs(one.value - other.value) > UNLIKE * error:
+    for quantity, code, unit, factor in (
+        ("frequencies", Code.FREQUENCY_CHANGES, "hz", 1.0),
+        ("damping", Code.DAMPING_CHANGES, "percent", 100.0),
+    ):
+        by_name, others = (getattr(each, quantity) for each in properties)
+        for name in by_name.keys() & others.keys():
+            first, second = by_name[name], others[name]
+            error = np.hypot(first.high - first.low, second.high - second.low) / (2.0 * NORMAL_95)
+            if abs(first.value - second.value) > SIGNIFICANT * error:
                 values = {
-                    f"first_{unit}": factor * one.value, f"second_{unit}": factor * other.value
+                    f"first_{unit}": factor * first.value, f"second_{unit}": factor * second.value
                 }  # fmt: skip
                 return [Finding.of(code, name, spans=_list_spans(halves), **values)]
     return []
@@ -201,11 +198,11 @@ def recording_outlasts_model(identified: IdentifiedModel, recordings: Sequence[R
 
     recordings: those of the identification, with an initial state of each in `initial_states`.
     """
-    kept = [
-        recorded.last > LASTING * recorded.all and recorded.last > OUTLASTS * own.last
-        for recorded, own in _compare_sizes(identified, recordings)
+    are_lasting = [
+        recorded.last > LASTING * recorded.whole and recorded.last > OUTLASTS * simulated.last
+        for recorded, simulated in _compare_sizes(identified, recordings)
     ]
-    return bool(kept) and all(kept)
+    return bool(are_lasting) and all(are_lasting)
 
 
 def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recording]) -> bool:
@@ -214,16 +211,19 @@ def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recordi
     A motion that diverges lasts too. recordings: as of `recording_outlasts_model`.
     """
     return any(
-        recorded.last < LASTING * recorded.all
-        and not (own.last <= LASTING * own.all or own.last <= OUTLASTS * recorded.last)
-        for recorded, own in _compare_sizes(identified, recordings)
+        recorded.last < LASTING * recorded.whole
+        and not (
+            simulated.last <= LASTING * simulated.whole
+            or simulated.last <= OUTLASTS * recorded.last
+        )
+        for recorded, simulated in _compare_sizes(identified, recordings)
     )
 
 
 class _Size(NamedTuple):
     """Standard deviation of a motion, and of its last third."""
 
-    all: float
+    whole: float
     last: float
 
 
@@ -238,14 +238,13 @@ def _compare_sizes(
         follow, time = Following(identified, recording), recording.time
         motion = follow.motion(identified.model, start, time)
         last = time > time[-1] - (time[-1] - time[0]) / 3
-        for samples, own, noise in zip(follow.samples.T, motion.T, follow.sigma, strict=True):
+        for samples, values, noise in zip(follow.samples.T, motion.T, follow.sigma, strict=True):
             known = np.isfinite(samples)
             if (known & last).any():
-                whole, end = (
-                    _size_above_noise(samples[known], noise),
-                    _size_above_noise(samples[known & last], noise),
+                recorded = (
+                    _size_above_noise(samples[rows], noise) for rows in (known, known & last)
                 )
-                yield _Size(whole, end), _Size(np.std(own), np.std(own[last]))
+                yield _Size(*recorded), _Size(np.std(values), np.std(values[last]))
 
 
 def _size_above_noise(samples: np.ndarray, noise: float) -> float:
@@ -296,13 +295,13 @@ def find_difference(
     alone = [identify([part]) for part in parts]
     if any(each.status == "refused" for each in alone):
         return None
-    told = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
-    found = []
-    for key in sorted(told) or [SHARE + together.model.states[0]]:
+    keys = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
+    differences = []
+    for key in sorted(keys) or [SHARE + together.model.states[0]]:
         name, missed = key.removeprefix(SHARE), float(together.diagnostics.get(key, np.nan))
         own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
         if together.status == "refused" and own < RELEVANT:
-            found.append(Difference(name, np.inf, own))
+            differences.append(Difference(name, np.inf, own))
         elif missed > max(RELEVANT, WORSE * own):
-            found.append(Difference(name, missed, own))
-    return max(found, key=lambda each: each.missed, default=None)
+            differences.append(Difference(name, missed, own))
+    return max(differences, key=lambda each: each.missed, default=None)

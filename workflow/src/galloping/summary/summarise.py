@@ -441,8 +441,8 @@ def simulate_beside(
         if len(times) < 2:
             continue
         if filtered is not None:
-            motions.append((times, follow.shown(model, filtered[rows], times)))
-        elif (start := follow.begin(rows)) is not None:
+            motions.append((times, follow.to_channels(model, filtered[rows], times)))
+        elif (start := follow.fit_start(rows)) is not None:
             smooth = np.linspace(times[0], times[-1], MOTION_POINTS)
             motions.append((smooth, follow.motion(model, start, smooth)))
     return motions
@@ -474,7 +474,7 @@ def score_motion(
         whole = left**2
         for begin, end in pairwise((*edges[:-1], len(time))):
             rows = slice(begin, end)
-            if np.isfinite(left[rows]).any() and (start := follow.begin(rows)) is not None:
+            if np.isfinite(left[rows]).any() and (start := follow.fit_start(rows)) is not None:
                 motion = follow.motion(identified.model, start, time[rows])[:, measured]
                 if np.isfinite(motion).all():
                     left[rows] = samples[rows][:, measured] - motion
