@@ -1,8 +1,8 @@
 """Bias of small motions by terms beyond the degree of the library.
 
-Over the amplitudes that were recorded, the terms of a library make up for terms of higher degree
-that the system has and the library lacks. If small motions were not recorded, their coefficients
-are biased by as much, and the covariance of the noise does not include it.
+At the recorded amplitudes, the terms of a library compensate for terms of higher degree that the
+system has and the library lacks. If small motions were not recorded, this biases the coefficients,
+and the covariance by noise does not include the bias.
 """
 
 from collections.abc import Sequence
@@ -34,9 +34,9 @@ from galloping.passes import passing
 from galloping.recording.samples import Recording, mean_inputs, typical_inputs
 
 DEGREES = 2  # beyond that of the library: the next even and the next odd one
-PER_PERIOD = 20  # samples of the fastest motion, in which samples are taken together
+PER_PERIOD = 20  # averaged samples in a period of the fastest motion
 MOST_TERMS = 250  # beyond the library, in all equations
-LEAST = 1e-12  # share of the nonlinear part in an equation: less is rounding
+MIN_SHARE = 1e-12  # of the nonlinear part in an equation: less is rounding
 
 
 def with_extrapolation(
@@ -48,47 +48,47 @@ def with_extrapolation(
     nonlinear terms of the model as a geometric series at the size of the recorded motion. Their
     posterior follows from the information matrix of the library and these terms together, and from
     the residuals of the model. The residuals of an approximate model count as noise. recordings:
-    those from which the model was identified. Returns it with `extrapolation_shift` and
-    `extrapolation_covariance`. It is unchanged if its library is not the whole polynomial library
-    of a degree, and so says what is known of the system; if random forces move it, whose motions
-    have all sizes; if no position of rest lies inside the motion; or if it cannot be integrated
-    over the recordings.
+    those from which the model was identified. Returns the model with `extrapolation_shift` and
+    `extrapolation_covariance`.
+
+    The model is unchanged if its library is not the whole polynomial library of a degree, since the
+    library is then prior knowledge; if random forces move it, whose motions have all sizes; if the
+    motion contains no equilibrium; or if the model cannot be integrated over the recordings.
     """
     model = identified.model
-    degree = _library_degree(model)
-    asked = identified.status in ("ok", "not identifiable", "approximate")
-    if not (degree and asked and velocity_pairs(model.states) and len(identified.covariance)):
+    degree = _find_library_degree(model)
+    is_judged = identified.status in ("ok", "not identifiable", "approximate")
+    if not (degree and is_judged and velocity_pairs(model.states) and len(identified.covariance)):
         return identified
     means = typical_inputs(model.inputs, recordings)
     steady = model.at(means) if means else model
     around = Surroundings.of(recordings)
     if identified.is_forced or (rest := around.rest(steady)) is None:
         return identified
-    own: list[Recording] | NoModel = excerpts(list(recordings))
-    if model.inputs and not isinstance(own, NoModel):
-        own = attempt(segments_with_inputs, own, model.inputs)
-    if isinstance(own, NoModel) or len(own) != len(identified.initial_states):
+    parts = excerpts(list(recordings))
+    segments = attempt(segments_with_inputs, parts, model.inputs) if model.inputs else parts
+    if isinstance(segments, NoModel) or len(segments) != len(identified.initial_states):
         return identified
     sizes = around.sizes(steady)
     rates = np.max(np.abs(steady.jacobian(rest[np.newaxis])[0]) * sizes, axis=1)
     unknown = [i for i in range(len(rest)) if i not in identified.known and rates[i] > 0.0]
-    terms = _further_terms(model.states, degree, len(unknown))
+    terms = _list_further_terms(model.states, degree, len(unknown))
     regression = _Regression(identified, unknown, terms, rest, sizes, rates)
     passing("terms of the next degree")
-    parts = [
-        attempt(regression.of_recording, one, start)
-        for one, start in zip(own, identified.initial_states, strict=True)
+    results = [
+        attempt(regression.make_normal_equations, segment, start)
+        for segment, start in zip(segments, identified.initial_states, strict=True)
     ]
-    normal = [part for part in parts if not isinstance(part, NoModel)]
-    if len(normal) < len(parts):
+    solved = [result for result in results if not isinstance(result, NoModel)]
+    if len(solved) < len(results):
         return identified
     drawn = draw_models_and_rivals(identified, np.random.default_rng(0))
     models = [steady, *(each.at(means) if means else each for each in drawn)]
-    states = np.concatenate([states for *_, states in normal])
-    shares = np.max([_nonlinear_share(each, rest, states) for each in models], axis=0)
-    gram, squares, count = (sum(each) for each in list(zip(*normal, strict=True))[:3])
+    states = np.concatenate([states for *_, states in solved])
+    shares = np.max([_compare_nonlinear(each, rest, states) for each in models], axis=0)
+    gram, squares, count = (sum(each) for each in list(zip(*solved, strict=True))[:3])
     scaled = gram / max(squares / count, 1.0)
-    posterior = attempt(regression.left_open, scaled, shares)
+    posterior = attempt(regression.estimate_changes, scaled, shares)
     if isinstance(posterior, NoModel):
         return identified
     shift, covariance = posterior
@@ -110,18 +110,20 @@ def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) ->
     return replace(identified, diagnostics={**identified.diagnostics, **extent})
 
 
-def _library_degree(model: PolynomialModel) -> int:
+def _find_library_degree(model: PolynomialModel) -> int:
     """Determine the degree of a complete polynomial library, 0 for any other library."""
     if any(map(has_functions, model.terms)):
         return 0
     n = len(model.states)
-    own = {term[:n] for term in model.terms if not any(term[n:])}
-    degree = max(map(sum, own), default=0)
-    return degree if own >= set(polynomial_library(n, degree)) else 0
+    monomials = {term[:n] for term in model.terms if not any(term[n:])}
+    degree = max(map(sum, monomials), default=0)
+    return degree if monomials >= set(polynomial_library(n, degree)) else 0
 
 
-def _further_terms(states: tuple[str, ...], degree: int, n_equations: int) -> tuple[Exponents, ...]:
-    """List monomials of the next degrees; of one coordinate and its velocity each, if many."""
+def _list_further_terms(
+    states: tuple[str, ...], degree: int, n_equations: int
+) -> tuple[Exponents, ...]:
+    """List monomials of the next degrees; if many, those of one coordinate and its velocity."""
     library = polynomial_library(len(states), degree + DEGREES)
     terms = [term for term in library if sum(term) > degree]
     if len(terms) * n_equations > MOST_TERMS:
@@ -130,7 +132,7 @@ def _further_terms(states: tuple[str, ...], degree: int, n_equations: int) -> tu
     return tuple(terms)
 
 
-def _nonlinear_share(model: PolynomialModel, rest: np.ndarray, states: np.ndarray) -> np.ndarray:
+def _compare_nonlinear(model: PolynomialModel, rest: np.ndarray, states: np.ndarray) -> np.ndarray:
     """Compute the ratio of nonlinear to linear part of each equation, (n_states,).
 
     states: (n, n_states). The parts are about an equilibrium; the ratio is at most one.
@@ -160,21 +162,21 @@ class _Regression:
     @cached_property
     def expansion(self) -> tuple[tuple[Exponents, ...], np.ndarray]:
         """Monomials of the states, and their coefficients in each term, (n_terms, n_monomials)."""
-        found: dict[Exponents, int] = {}
+        columns: dict[Exponents, int] = {}
         entries = []
         for row, term in enumerate(self.terms):
             for lower in product(*(range(power + 1) for power in term)):
                 parts = zip(term, lower, self.rest, self.sizes, strict=True)
                 value = prod(comb(m, k) * (-at) ** (m - k) / size**m for m, k, at, size in parts)
                 if value:
-                    entries.append((row, found.setdefault(lower, len(found)), value))
-        matrix = np.zeros((len(self.terms), len(found)))
+                    entries.append((row, columns.setdefault(lower, len(columns)), value))
+        matrix = np.zeros((len(self.terms), len(columns)))
         for row, column, value in entries:
             matrix[row, column] = value
-        return tuple(found), matrix
+        return tuple(columns), matrix
 
     @cached_property
-    def wide(self) -> tuple[PolynomialModel, np.ndarray]:
+    def extended_model(self) -> tuple[PolynomialModel, np.ndarray]:
         """Model on a library with the further monomials, and its free coefficients.
 
         The coefficients are (n_free, 2) pairs (equation, term): those of the model, then by
@@ -183,15 +185,15 @@ class _Regression:
         model = self.identified.model
         monomials = [(*term, *(0 for _ in model.inputs)) for term in self.expansion[0]]
         terms = tuple(dict.fromkeys([*model.terms, *monomials]))
-        place = {term: j for j, term in enumerate(terms)}
-        further = [(i, place[term]) for i in self.equations for term in monomials]
-        own = np.argwhere(self.identified.support)  # terms keep their places
+        column = {term: j for j, term in enumerate(terms)}
+        further = [(i, column[term]) for i in self.equations for term in monomials]
+        own = np.argwhere(self.identified.support)  # terms keep their columns
         return model.on_library(terms), np.concatenate([own, np.reshape(further, (-1, 2))])
 
-    def of_recording(
+    def make_normal_equations(
         self, recording: Recording, start: np.ndarray
     ) -> tuple[np.ndarray, float, int, np.ndarray]:
-        """Compute the normal equations of a recording, linearised about the motion of the model.
+        """Make the normal equations of a recording, linearised about the motion of the model.
 
         start: (n_states,) of the motion. Returns the normal equations, with the residual after the
         coefficients; sum of squares and number of the averaged samples; and the motion's states (n,
@@ -205,14 +207,14 @@ class _Regression:
             raise FloatingPointError("the model diverges over the recording")
         steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
         fast = Pace.of(steady, self.rest).fast
-        thin = max(round_down(fast / PER_PERIOD / recording.step), 1)
-        blocks = len(time) // thin
-        left = (samples - motion)[: blocks * thin].reshape(blocks, thin, -1)
-        counts = np.isfinite(left).sum(axis=1)
+        length = max(round_down(fast / PER_PERIOD / recording.step), 1)
+        blocks = len(time) // length
+        residuals = (samples - motion)[: blocks * length].reshape(blocks, length, -1)
+        counts = np.isfinite(residuals).sum(axis=1)
         weight = np.sqrt(counts) * follow.inverse_sigma
-        residual = weight * np.nan_to_num(left).sum(axis=1) / np.maximum(counts, 1)
+        residual = weight * np.nan_to_num(residuals).sum(axis=1) / np.maximum(counts, 1)
         try:
-            slopes = self._slopes(recording, start, time[thin // 2 :: thin][:blocks], follow)
+            slopes = self._slopes(recording, start, time[length // 2 :: length][:blocks], follow)
             rows = weight[..., np.newaxis] * slopes
             rows = np.insert(rows, rows.shape[2] - n, residual, axis=2)
             gram = fisher_information(rows, rows.shape[2] - n)
@@ -227,17 +229,17 @@ class _Regression:
 
         Returns (n, n_sensed, n_coefficients + n_states).
         """
-        wide, free = self.wide
-        n, own = len(start), int(self.identified.support.sum())
+        extended, free = self.extended_model
+        n, n_own = len(start), int(self.identified.support.sum())
         rates = np.full(n, np.inf)
         rates[list(follow.sensed.rates)] = 1.0
         experiment = Experiment(
             start, np.append(recording.time[0], time[time > recording.time[0]]), np.ones(n),
             rates if follow.sensed.rates else None, recording.inputs,
         )  # fmt: skip
-        slopes = weighted_sensitivities(wide, free, experiment)[-len(time) :]
+        slopes = weighted_sensitivities(extended, free, experiment)[-len(time) :]
         slopes = slopes[:, [*range(n), *(n + k for k in follow.sensed.rates)]]
-        of_own, of_further, of_start = np.split(slopes, [own, len(free)], axis=2)
+        of_own, of_further, of_start = np.split(slopes, [n_own, len(free)], axis=2)
         parts = np.split(of_further, len(self.equations), axis=2)
         scaled = [
             part @ (self.rates[i] * self.expansion[1].T)
@@ -245,18 +247,20 @@ class _Regression:
         ]
         return np.concatenate([of_own, *scaled, of_start], axis=2)
 
-    def left_open(self, gram: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Compute mean and covariance of the coefficient changes by further terms.
+    def estimate_changes(
+        self, gram: np.ndarray, shares: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Estimate mean and covariance of the coefficient changes by further terms.
 
         Returns (n_support,) and (n_support, n_support). gram: normal equations of all recordings.
         shares: (n_states,) of the nonlinear part in each equation, the square of the ratio of a
         geometric series.
         """
         own, degrees = int(self.identified.support.sum()), np.array([*map(sum, self.terms)])
-        ratios = np.maximum(shares[list(self.equations), np.newaxis], LEAST)
+        ratios = np.maximum(shares[list(self.equations), np.newaxis], MIN_SHARE)
         prior = (ratios ** ((1 - degrees) / 2.0)).ravel() ** 2.0
-        told = np.diag(gram)[:-1]
-        unit = 1.0 / np.sqrt(np.where(told > 0.0, told, 1.0))
+        diagonal = np.diag(gram)[:-1]
+        unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         information, right = gram[:-1, :-1] * unit * unit[:, np.newaxis], gram[:-1, -1] * unit
         response = -np.linalg.solve(information[:own, :own], information[:own, own:])
         further = information[own:, own:] + information[own:, :own] @ response

@@ -23,16 +23,17 @@ if TYPE_CHECKING:
 
 # Draws of models and starts: the ends of a 90 % band then scatter by a tenth of its width.
 FORECAST_DRAWS = 100
-FOLLOWS = 1.3  # chi^2 per sample of a start that is right
-SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
+MAX_MISFIT = 1.3  # chi^2 per sample of a fit to the noise
+SHARES = (1.0, 0.5, 0.25)  # of the window, tried in turn if motions soon diverge from each other
 MIN_FOLLOWING_SHARE = 0.9  # of the draws
-ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is; of a window
-TRIED = 5  # windows, over which such forecasts go
-WIDER = "forecast_widened_"  # and a channel: the name of its factor in the diagnostics of a model
+# Earlier forecasts, which show the errors of an approximate model: their number, the parts of a
+# window over which errors are averaged, and their length in windows.
+ORIGINS, PARTS, WINDOWS = 8, 4, 5
+WIDER = "forecast_widened_"  # begins the name of a channel's factor in the diagnostics of a model
 USELESS = "that of what was held out of its recordings was worse than their mean"
-BY_CHANCE = 0.01  # of the shares that a band holds which is right
-MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few periods
-NOISE_ALONE = 3.0  # standard errors of its mean square, which samples of noise alone do not exceed
+BY_CHANCE = 0.01  # probability that a correct band contains a smaller share of the samples
+MOST_SAMPLES = 4000  # to which a start is fitted: more add little over a few periods
+NOISE_ALONE = 3.0  # standard errors of the mean square of samples that are noise alone
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,15 +107,15 @@ def forecast(
 ) -> Forecast:
     """Forecast the samples after a recording by a model started from the last `window` seconds.
 
-    Outliers of the recording are left out. Each of 100 draws takes coefficients from their
-    covariance, and the initial state that follows the samples of the window best after noise was
-    added to them once more. The band includes the noise of a sample; of an approximate model it is
-    as wide as the errors of its forecasts from earlier times of the recording. If motions of an
-    exact model diverge from each other so soon that draws do not follow the samples, the window is
-    halved. The band at an instant does not depend on later instants. A model under random forces
-    continues from the state of its filter, in newly drawn forces. Bands are widened by the factors
-    that held-out samples required. Raises ValueError if there is no model, if most draws do not
-    follow the window or diverge, or if the forecast of held-out samples was useless.
+    Outliers of the recording are left out. Each of 100 draws has coefficients drawn with their
+    covariance, and the initial state that fits the samples of the window, with noise added again.
+    The band includes the noise of a sample. The band of an approximate model is as wide as the
+    errors of its forecasts from earlier times of the recording. If the draws of an exact model do
+    not follow the samples, since their motions soon diverge from each other, the window is halved.
+    The band at an instant does not depend on later instants. A model under random forces continues
+    from the state of its filter, with newly drawn forces. Bands are widened by the factors that
+    held-out samples required. Raises ValueError if there is no model, if most draws do not follow
+    the window or diverge, or if the forecast of held-out samples was useless.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
@@ -122,39 +123,40 @@ def forecast(
     factors = np.array([identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names])
     if np.isinf(factors).any():
         raise ValueError(f"the model gives no forecast: {USELESS}")
-    recording = _known_ahead(identified.model, without_outliers(recording), time, inputs)
+    recording = _extend_inputs(identified.model, without_outliers(recording), time, inputs)
     follow = Following(identified, recording)
     sigma = follow.sigma
     if identified.is_forced:
         models = draw_models(identified, rng, FORECAST_DRAWS)
         states = in_random_forces.simulate_motions(identified, models, recording, time, rng)
-        shown = (follow.to_channels(*each, time) for each in zip(models, states, strict=True))
-        motions = np.array(list(shown))
-        missed = in_random_forces.add_force_noise(identified, recording, sensed.rates, sigma)
+        pairs = zip(models, states, strict=True)
+        motions = np.array([follow.to_channels(*pair, time) for pair in pairs])
+        errors = in_random_forces.add_force_noise(identified, recording, sensed.rates, sigma)
     elif identified.status == "approximate":
         motions = _draw_motions(follow, time, window, np.inf, rng)
-        missed = _past_errors(follow, time - recording.time[-1], window)
+        errors = _compute_past_errors(follow, time - recording.time[-1], window)
     else:
         for share in SHARES:
-            motions = _draw_motions(follow, time, share * window, FOLLOWS, rng)
+            motions = _draw_motions(follow, time, share * window, MAX_MISFIT, rng)
             if len(motions) > MIN_FOLLOWING_SHARE * FORECAST_DRAWS:
                 break
-        missed = np.zeros_like(sigma)
+        errors = np.zeros_like(sigma)
     if len(motions) < FORECAST_DRAWS // 2:
         raise ValueError(
             f"{FORECAST_DRAWS - len(motions)} of {FORECAST_DRAWS} draws of the model do not follow "
             f"the last {min(window, np.ptp(recording.time)):.3g} s of the recording"
         )
-    bounded = np.isfinite(motions).all(axis=(1, 2))
-    if bounded.sum() < FORECAST_DRAWS // 2:
+    is_bounded = np.isfinite(motions).all(axis=(1, 2))
+    if is_bounded.sum() < FORECAST_DRAWS // 2:
         raise ValueError(
-            f"{FORECAST_DRAWS - bounded.sum()} of {FORECAST_DRAWS} draws of the model diverge"
+            f"{FORECAST_DRAWS - is_bounded.sum()} of {FORECAST_DRAWS} draws of the model diverge"
         )
-    draws = rng.standard_normal((len(time), *motions.shape[::2])).transpose(1, 0, 2)
-    seen = motions + np.maximum(sigma, missed) * draws
-    low, high = _compute_quantiles(seen, QUANTILES_90)
-    held = np.mean((seen[bounded] >= low) & (seen[bounded] <= high), axis=1)
-    chance = np.quantile(held, BY_CHANCE, axis=0)
+    noise = rng.standard_normal((len(time), *motions.shape[::2])).transpose(1, 0, 2)
+    samples = motions + np.maximum(sigma, errors) * noise
+    low, high = _compute_quantiles(samples, QUANTILES_90)
+    bounded = samples[is_bounded]
+    coverage = np.mean((bounded >= low) & (bounded <= high), axis=1)
+    chance = np.quantile(coverage, BY_CHANCE, axis=0)
     ahead = Forecast(sensed.names, time, _compute_quantiles(motions, (0.5,))[0], low, high, chance)
     return ahead.widened(factors) if factors.max() > 1.0 else ahead
 
@@ -167,9 +169,9 @@ class ScoredForecast(Immutable):
     (n_sensed,) root mean square error of the median, over the deviation of the whole recording.
     held: (n_sensed,) share of the samples inside the band. is_noise: (n_sensed,) boolean, whether
     the samples are noise alone. factors: (n_sensed,) by which the band must be widened to contain
-    90 % of them: 1 if no fewer are inside than chance allows, infinite if the forecast is worse
-    than the mean of the samples and so useless. Scores of channels without samples are NaN, their
-    factors 1. index: of the recording whose end it is, -1 of the last.
+    90 % of the samples: 1 if no fewer are inside than chance allows, infinite if the forecast is
+    worse than the mean of the samples and so useless. Scores of channels without samples are NaN,
+    their factors 1. index: of the recording whose end is forecast, -1 for the last.
     """
 
     forecast: Forecast
@@ -211,23 +213,22 @@ def score_forecast(
     """
     known = np.isfinite(measured)
     error = np.where(known, measured - ahead.median, 0.0)
-    inside = known & (measured >= ahead.low) & (measured <= ahead.high)
-    counts = known.sum(axis=0)
-    missed = np.sum(error**2, axis=0)
+    is_inside = known & (measured >= ahead.low) & (measured <= ahead.high)
+    counts, squares = known.sum(axis=0), np.sum(error**2, axis=0)
     factors = np.ones(len(counts))
     with np.errstate(invalid="ignore", divide="ignore"):
-        skill = 1.0 - missed / (counts * deviations_of(measured) ** 2)
-        shares = np.sqrt(missed / counts) / deviation
-        held = inside.sum(axis=0) / counts
-        away = np.maximum(
+        skill = 1.0 - squares / (counts * deviations_of(measured) ** 2)
+        missed = np.sqrt(squares / counts) / deviation
+        held = is_inside.sum(axis=0) / counts
+        relative = np.maximum(
             error / (ahead.high - ahead.median), error / (ahead.low - ahead.median)
-        )  # in widths of the band on the side of the sample
+        )  # to the half width of the band on the side of the sample
     for k in np.flatnonzero(held < ahead.chance):
-        useless = skill[k] <= 0.0 and missed[k] > counts[k] * deviation[k] ** 2
-        factors[k] = np.inf if useless else np.quantile(away[known[:, k], k], 0.9)
+        is_useless = skill[k] <= 0.0 and squares[k] > counts[k] * deviation[k] ** 2
+        factors[k] = np.inf if is_useless else np.quantile(relative[known[:, k], k], 0.9)
     by_chance = 1.0 + NOISE_ALONE * np.sqrt(2.0 / np.maximum(counts, 1))
     is_noise = deviations_of(measured) < noise * np.sqrt(by_chance)
-    return ScoredForecast(ahead, skill, shares, held, is_noise, factors)
+    return ScoredForecast(ahead, skill, missed, held, is_noise, factors)
 
 
 def deviations_of(samples: np.ndarray) -> np.ndarray:
@@ -251,42 +252,44 @@ def with_factors(identified: IdentifiedModel, trial: ScoredForecast) -> Identifi
     return replace(identified, diagnostics={**identified.diagnostics, **factors})
 
 
-def _compute_quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
-    """Compute quantiles, (n_quantiles, n, n_sensed), of the draws that do not diverge."""
-    gone = ~np.isfinite(motions).all(axis=(0, 2))
-    with np.errstate(invalid="ignore"):  # between two that are infinite
-        found = np.quantile(motions, at, axis=0, method="weibull")
-    if gone.any():
-        found[:, gone] = np.nanquantile(motions[:, gone], at, axis=0, method="weibull")
-    return found
+def _compute_quantiles(motions: np.ndarray, levels: Sequence[float]) -> np.ndarray:
+    """Compute quantiles, (n_levels, n, n_sensed), of the draws that do not diverge."""
+    diverged = ~np.isfinite(motions).all(axis=(0, 2))
+    with np.errstate(invalid="ignore"):  # between two infinite values
+        quantiles = np.quantile(motions, levels, axis=0, method="weibull")
+    if diverged.any():
+        quantiles[:, diverged] = np.nanquantile(
+            motions[:, diverged], levels, axis=0, method="weibull"
+        )
+    return quantiles
 
 
 def check_followed(identified: IdentifiedModel, recording: Recording, window: float) -> None:
     """Raise ValueError if a model does not fit the end of a recording within the noise.
 
     The message is one line. The initial states of the model are fitted to ORIGINS windows of
-    `window` s, from the last 5 of them on. An approximate model may miss the samples as much as
-    those of its own recording.
+    `window` s, within the last 5 times that length. An approximate model may err as much as on the
+    recordings from which it was identified.
     """
     recording = without_outliers(recording)
     if identified.is_forced:
         return in_random_forces.check_followed(identified, recording)
     follow = Following(identified, recording)
     time, sigma = recording.time, follow.sigma
-    least = FOLLOWS
+    allowed = MAX_MISFIT
     if identified.status == "approximate":
-        least *= max(identified.chi2, 1.0)
-    left = []
+        allowed *= max(identified.chi2, 1.0)
+    misfits = []
     last = max(time[-1] - window, time[0])
-    for begin in np.linspace(max(time[-1] - TRIED * window, time[0]), last, ORIGINS):
-        own = slice(*first_from(time, (begin, begin + window)))
-        values = follow.samples[own]
+    for begin in np.linspace(max(time[-1] - WINDOWS * window, time[0]), last, ORIGINS):
+        rows = slice(*first_from(time, (begin, begin + window)))
+        values = follow.samples[rows]
         if np.isfinite(values[:, sigma > 0]).sum() < MIN_SAMPLES * len(sigma):
             continue
-        start = follow.fit_start(own)
-        motion = None if start is None else follow.motion(identified.model, start, time[own])
-        left.append(np.inf if motion is None else follow.misfit(motion, values))
-    if left and not np.median(left) <= least:
+        start = follow.fit_start(rows)
+        motion = None if start is None else follow.motion(identified.model, start, time[rows])
+        misfits.append(np.inf if motion is None else follow.misfit(motion, values))
+    if misfits and not np.median(misfits) <= allowed:
         names = follow.sensed.names
         noise = ", ".join(
             f"{name} {each:.2g}" for name, each in zip(names, sigma, strict=True) if each > 0
@@ -294,8 +297,8 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
         raise ValueError(
             "the model does not follow the recording: over "
             f"{min(window, np.ptp(time)):.3g} s it misses the samples "
-            f"by {np.sqrt(np.median(left)):.3g} times their noise ({noise}), where "
-            f"{np.sqrt(least):.3g} is allowed: another line, another wind, or another sensor"
+            f"by {np.sqrt(np.median(misfits)):.3g} times their noise ({noise}), where "
+            f"{np.sqrt(allowed):.3g} is allowed: another line, another wind, or another sensor"
         )
 
 
@@ -304,8 +307,7 @@ def _draw_motions(
 ) -> np.ndarray:
     """Draw motions at `time`, (n_draws, n, n_sensed), NaN from where one diverges.
 
-    worst: misfit, as of `Following.misfit`, beyond which a draw does not follow its samples and is
-    left out.
+    worst: misfit, as of `Following.misfit`, above which a draw is left out.
     """
     best, recording, sigma = follow.identified.model, follow.recording, follow.sigma
     begin = int(first_from(recording.time, recording.time[-1] - window))
@@ -331,23 +333,24 @@ def _draw_motions(
             if start is None:
                 continue
             motion = follow.motion(model, start, np.concatenate([sampled, time]))
-            if follow.misfit(motion[: len(sampled)], noisy) < 2.0 * worst:  # noise twice
+            if follow.misfit(motion[: len(sampled)], noisy) < 2.0 * worst:  # noise was added again
                 motions.append(motion[len(sampled) :])
     return np.array(motions).reshape(-1, len(time), len(sigma))
 
 
-def _past_errors(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
+def _compute_past_errors(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
     """Compute root mean square errors, (n, n_sensed), of forecasts from earlier windows.
 
-    ahead: (n,) s, of the forecast after the recording. Noise is included. The forecasts begin at
-    `ORIGINS` times in the later half of the recording, and last TRIED windows or a quarter of it;
-    their errors are averaged over `PARTS` of a window and do not decrease. Beyond, they grow with
-    time, as phase errors do, up to the difference of two unrelated motions of the channel.
+    ahead: (n,) s, times of the forecast after the end of the recording. Noise is included. The
+    forecasts begin at ORIGINS times in the later half of the recording, and last WINDOWS windows or
+    a quarter of the recording. Their errors are averaged over each of PARTS parts of a window, and
+    made non-decreasing. Beyond, they grow with time, as phase errors do, up to the difference of
+    two unrelated motions of the channel.
     """
     time, values = follow.recording.time, follow.samples
     quarter = (time[-1] - time[0]) / 4
     length = min(window, quarter) / PARTS
-    parts = round_down(min(TRIED * window, quarter) / length)
+    parts = round_down(min(WINDOWS * window, quarter) / length)
     horizon = parts * length
     squares, counts = np.zeros((2, parts, values.shape[1]))
     for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
@@ -365,7 +368,7 @@ def _past_errors(follow: Following, ahead: np.ndarray, window: float) -> np.ndar
         np.add.at(squares, part, np.where(known, error, 0.0) ** 2)
         np.add.at(counts, part, known)
     if not counts.any():
-        raise ValueError("no earlier stretch of the recording tells how wrong forecasts are")
+        raise ValueError("no earlier part of the recording shows the errors of forecasts")
     missed = np.maximum.accumulate(np.sqrt(squares / np.maximum(counts, 1)), axis=0)
     centres = (np.arange(parts) + 0.5) * length
     inside = np.column_stack([np.interp(ahead, centres, each) for each in missed.T])
@@ -374,7 +377,7 @@ def _past_errors(follow: Following, ahead: np.ndarray, window: float) -> np.ndar
     return np.where(later > 1.0, np.minimum(inside * later, most), inside)
 
 
-def _known_ahead(
+def _extend_inputs(
     model: PolynomialModel,
     recording: Recording,
     time: np.ndarray,
@@ -388,27 +391,27 @@ def _known_ahead(
     inputs = dict(recording.inputs)
     for name in model.inputs:
         if name in ahead:
-            inputs[name] = _continued(name, inputs[name], ahead[name], recording.time[-1], time[-1])
+            inputs[name] = _continue(name, inputs[name], ahead[name], recording.time[-1], time[-1])
         elif not inputs[name].covered(time).all():
-            held = np.nanmean(inputs[name].values)
+            mean = np.nanmean(inputs[name].values)
             raise ValueError(
-                f"the model is driven by {name}: say what it is after the recording, in a file "
-                f"(--inputs FILE) or held (--at {name}={held:.3g})"
+                f"the model is driven by {name}: give its values after the recording, in a file "
+                f"(--inputs FILE) or constant (--at {name}={mean:.3g})"
             )
     return replace(recording, inputs=inputs)
 
 
-def _continued(name: str, past: Input, ahead: Input | float, end: float, until: float) -> Input:
+def _continue(name: str, past: Input, ahead: Input | float, end: float, until: float) -> Input:
     """Continue an input after `end`, s, at the sampling interval of its past."""
-    kept = past.time <= end
+    is_past = past.time <= end
     step = float(np.median(np.diff(past.time)))
-    time = np.arange(past.time[kept][-1] + step, until + 2 * step, step)
+    time = np.arange(past.time[is_past][-1] + step, until + 2 * step, step)
     if isinstance(ahead, Input):
         values = ahead(time)
         known = np.isfinite(values)
-        late = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED_STEPS * step)
-        beyond = time > until
-        if not known.any() or not np.all(known | late | beyond):
+        is_short_gap = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED_STEPS * step)
+        is_beyond = time > until
+        if not known.any() or not np.all(known | is_short_gap | is_beyond):
             first, last = ahead.stretches[0][0], ahead.stretches[-1][1]
             raise ValueError(
                 f"input {name} is known from {first:g} to {last:g} s, with "
@@ -419,5 +422,7 @@ def _continued(name: str, past: Input, ahead: Input | float, end: float, until: 
     else:
         values = np.full(len(time), float(ahead))
     return replace(
-        past, time=np.append(past.time[kept], time), values=np.append(past.values[kept], values)
+        past,
+        time=np.append(past.time[is_past], time),
+        values=np.append(past.values[is_past], values),
     )
