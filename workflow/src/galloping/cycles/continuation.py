@@ -7,7 +7,7 @@ Stability Analysis, ch. 4). The continued solutions, equilibria or limit cycles,
 """
 
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import Enum
 from functools import cache
 from operator import itemgetter
 from typing import Any, ClassVar, Protocol, Self
@@ -22,6 +22,7 @@ CORRECTED = 1e-9  # length of the last correction, in steps
 FIRST_STEP, SMALLEST_STEP = 0.1, 1e-6  # of the longest
 MIN_COSINE = 0.9  # of the angle between the tangents of successive points
 CLOSED = 1e-3  # relative difference of period and size at which a branch has returned to its start
+BranchEnd = Enum("BranchEnd", "BOUND START CEILING EQUILIBRIUM PERIOD_DOUBLING INCOMPLETE")
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class BranchProblem(Protocol):
         """Return the problem with a new solution as reference."""
         return self
 
-    def find_end(self, solution: Any) -> "tuple[BranchEnd, str] | None":
+    def find_end(self, solution: Any) -> tuple[BranchEnd, str] | None:
         """Return how and why the branch ends at a solution, or None if it continues."""
         return None
 
@@ -139,17 +140,6 @@ class Bifurcation:
     name: str
     point: Point
     located: bool = True
-
-
-class BranchEnd(Enum):
-    """Kind of the end of a branch."""
-
-    BOUND = auto()
-    START = auto()
-    CEILING = auto()
-    EQUILIBRIUM = auto()
-    PERIOD_DOUBLING = auto()
-    INCOMPLETE = auto()
 
 
 @dataclass(frozen=True)

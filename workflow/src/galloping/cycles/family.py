@@ -67,10 +67,10 @@ class Parameter:
         """Return a case (settings of an overhead line and its wind) with this parameter changed."""
         if self.change is not None:
             return self.change(case, value)
-        own = dict(case)
+        changed = dict(case)
         for section, key in self.places:
-            own[section] = {**own[section], key: value}
-        return own
+            changed[section] = {**changed[section], key: value}
+        return changed
 
 
 def _set_span(case: Mapping, value: float) -> dict:
@@ -85,8 +85,8 @@ def _set_span(case: Mapping, value: float) -> dict:
 
 
 def _set_ice(direction: str, power: int, case: Mapping, value: float) -> dict:
-    both = map(list, galerkin.ice_coefficients(case["ice"]))
-    ice = dict(zip(("vertical", "horizontal"), both, strict=True))
+    vertical, horizontal = map(list, galerkin.ice_coefficients(case["ice"]))
+    ice = {"vertical": vertical, "horizontal": horizontal}
     ice[direction][power - 1] = value
     return {**case, "ice": {"reading": "custom", **ice}}
 
@@ -155,8 +155,5 @@ def critical_wind(case: Mapping) -> float:
 
 
 def initial_state(case: Mapping) -> list[float]:
-    """Return the initial displacements and velocities of an overhead line as a list.
-
-    They are in the order of the states.
-    """
+    """Return the initial state of an overhead line, in the order of STATES."""
     return [case["initial_state"][state] for state in galerkin.STATES]

@@ -27,12 +27,14 @@ from galloping.model.polynomial import Exponents, PolynomialModel, linear_term, 
 from galloping.passes import passing
 from galloping.trajectory.simulation import Simulator
 
-# Close enough for the correction, and a stretch to begin from.
+# Simulations that end near enough to a limit cycle for its correction.
 RECORDED, AHEAD = SPAN.during(2000.0, 200.0), SPAN.during(1500.0, 50.0)
-CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
-WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from a model's cycle to another's: at once, or in steps
+CORRECTED = 1e-4  # steps: the error is about the square of the last, far below the band
+# Shares of the change from one model to another, at which limit cycles are followed: at once, or in
+# steps.
+SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
 MIN_INTERVAL_DRAWS = DRAWS / 2  # from fewer drawn models with a result there is no interval
-CEILING = 5.0  # of the recorded motion: what is larger a recording does not tell
+CEILING = 5.0  # sizes of the recorded motion: larger orbits are extrapolated too far
 
 
 @dataclass(frozen=True)
@@ -93,31 +95,31 @@ def split(
     velocity state, such as {"dq_v": 0.005}, if known. Raises ValueError if it is unknown and all
     wind speeds are equal, or if a ratio names no velocity.
     """
-    first = identified[0].model
+    first, damping = identified[0].model, damping or {}
     velocities = sorted(velocity_pairs(first.states).values())
-    own = {  # term of each coordinate's velocity in its own equation of motion
+    columns = {  # of each coordinate's velocity in its own equation of motion
         i: first.terms.index(linear)
         for i in velocities
         if (linear := linear_term(i, len(first.states))) in first.terms
     }
-    unknown = sorted(set(damping or {}) - {first.states[i] for i in own})
+    unknown = sorted(set(damping) - {first.states[i] for i in columns})
     if unknown:
         raise ValueError(f"damping: {unknown[0]} is not the velocity of a coordinate of the model")
-    free = [pair for pair in own.items() if first.states[pair[0]] not in (damping or {})]
+    free = [pair for pair in columns.items() if first.states[pair[0]] not in damping]
     if free and len(set(winds)) == 1:
         raise ValueError(
             f"damping: at one wind speed ({winds[0]:g} m/s) the structural damping of "
-            f"{first.states[free[0][0]]} cannot be told from the wind's; give its ratio, or "
+            f"{first.states[free[0][0]]} cannot be separated from the wind's; give its ratio, or "
             "recordings at two wind speeds"
         )
     support = np.any([one.support for one in identified], axis=0)
     fixed = np.where(support, 0.0, first.coefficients)
-    for state, ratio in (damping or {}).items():
+    for state, ratio in damping.items():
         i = first.states.index(state)
-        fixed[i, own[i]] = -2 * ratio * np.sqrt(_squared_frequency(identified, i))
+        fixed[i, columns[i]] = -2 * ratio * np.sqrt(_squared_frequency(identified, i))
     entries, powers = [], []
     for i, j in np.argwhere(support).tolist():
-        # only equations of motion hold loads; d(q)/dt = dq does not depend on the wind
+        # only equations of motion contain loads; d(q)/dt = dq does not depend on the wind
         order = sum(first.terms[j][k] for k in velocities) if i in velocities else 0
         entries.append((i, j))
         powers.append(2 - order if order else 0)
@@ -146,21 +148,21 @@ def _least_squares(identified, winds, fixed, entries, powers) -> Split:
 
     If a model has no covariance, all have the same weight and the result has none.
     """
-    stated = all(one.covariance.size for one in identified)
+    have_covariance = all(one.covariance.size for one in identified)
     model = identified[0].model
     information = np.zeros((len(entries), len(entries)))
     right = np.zeros(len(entries))
     for one, wind in zip(identified, winds, strict=True):
-        places = np.argwhere(one.support)
-        design = np.all(places[:, np.newaxis] == entries, axis=2) * wind**powers
-        weighted = np.linalg.solve(one.covariance, design).T if stated else design.T * 1.0
+        pairs = np.argwhere(one.support)
+        design = np.all(pairs[:, np.newaxis] == entries, axis=2) * wind**powers
+        weighted = np.linalg.solve(one.covariance, design).T if have_covariance else design.T * 1.0
         information += weighted @ design
-        right += weighted @ (one.model.coefficients - fixed)[tuple(places.T)]
+        right += weighted @ (one.model.coefficients - fixed)[tuple(pairs.T)]
     scale = 1 / np.sqrt(np.diag(information))
     covariance = np.linalg.inv(information * scale * scale[:, np.newaxis])
     covariance = covariance * scale * scale[:, np.newaxis]
     values = covariance @ right
-    if not stated:
+    if not have_covariance:
         covariance = np.full_like(covariance, np.nan)
     return Split(model.states, model.terms, fixed, entries, powers, values, covariance)
 
@@ -201,11 +203,11 @@ def predict(
     winds: m/s. start: (n_states,) initial state of the simulation until the motion has settled.
     draws: of `draw_splits`, for the band.
     """
-    found, missing = Prediction.nothing(winds, len(parts.states)), []
+    prediction, missing = Prediction.nothing(winds, len(parts.states)), []
     motion = settle(simulator, parts.model(recorded), start, RECORDED)
     if motion.kind != "cycle":
         reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
-        return replace(found, reason=reason)
+        return replace(prediction, reason=reason)
     family = parts.family()
     span = Range(
         min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5, longest=1.0,
@@ -214,8 +216,8 @@ def predict(
     try:
         branches = limit_cycles.from_motion(family, recorded, motion.time, motion.states, span)
     except ValueError as failure:
-        return replace(found, reason=str(failure))
-    for k, wind in enumerate(found.winds):
+        return replace(prediction, reason=str(failure))
+    for k, wind in enumerate(prediction.winds):
         stable = [
             point.solution
             for branch in branches
@@ -225,13 +227,13 @@ def predict(
         if not stable:
             missing.append(f"{wind:g}")
             continue
-        found.amplitude[k] = stable[0].half_range()
+        prediction.amplitude[k] = stable[0].half_range()
         models = [each.model(stable[0].value) for each in draws]
-        kept = find_nearby_cycles(models, stable[0])
-        found.low[k], found.high[k] = cycle_intervals(kept, len(parts.states))[:, :-1]
-        found.unresolved[k] = 1 - len(kept) / max(1, len(models))
+        orbits = find_nearby_cycles(models, stable[0])
+        prediction.low[k], prediction.high[k] = cycle_intervals(orbits, len(parts.states))[:, :-1]
+        prediction.unresolved[k] = 1 - len(orbits) / max(1, len(models))
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
-    return replace(found, reason=reason)
+    return replace(prediction, reason=reason)
 
 
 def draw_splits(
@@ -245,14 +247,14 @@ def draw_splits(
     They include rivals with other terms. wind: of the recording, m/s. damping: as of `split`. Empty
     if the model has no covariance; a model whose damping cannot be separated is left out.
     """
-    found: list[Split] = []
+    splits: list[Split] = []
     if not len(identified.covariance):
-        return found
+        return splits
     for model in draw_models_and_rivals(identified, rng):
-        one = replace(identified, model=model, covariance=np.zeros((0, 0)))
+        drawn = replace(identified, model=model, covariance=np.zeros((0, 0)))
         with suppress(ValueError, np.linalg.LinAlgError):
-            found.append(split([one], [wind], damping))
-    return found
+            splits.append(split([drawn], [wind], damping))
+    return splits
 
 
 def cycle_intervals(
@@ -273,30 +275,33 @@ def find_nearby_cycles(
     """Find the limit cycle near a given orbit for each model that has such a limit cycle.
 
     best: the model of the orbit, in the terms of the others. If given, a cycle that is not found at
-    once is followed from the orbit in steps, with coefficients between the two models'.
+    once is followed from the orbit in steps, with coefficients between those of the two models.
     """
-    found = []
+    cycles: list[Orbit] = []
     for model in models:
         passing("draw limit cycles")
-        ways = [[model]]  # of models from the orbit's to this one
+        paths = [[model]]  # of models, from that of the orbit to this one
         if best is not None:
             change = model.coefficients - best.coefficients
-            ways = [[replace(best, coefficients=best.coefficients + share * change)
-                     for share in shares] for shares in WAY]  # fmt: skip
-        found.append(next((end for way in ways if (end := _follow_models(way, orbit))), None))
-    return [end for end in found if end]
+            paths = [[replace(best, coefficients=best.coefficients + share * change)
+                      for share in shares] for shares in SHARES]  # fmt: skip
+        for path in paths:
+            if (cycle := _follow_models(path, orbit)) is not None:
+                cycles.append(cycle)
+                break
+    return cycles
 
 
 def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | None:
     """Follow the limit cycle from each model to the next; None if it is lost."""
-    found = orbit
+    last = orbit
     with suppress(NotConverged):
         for model in models:
-            problem = CycleProblem.about(constant_family(model, orbit.sizes), found, resolution=1.0)
+            problem = CycleProblem.about(constant_family(model, orbit.sizes), last, resolution=1.0)
             border = problem.along_parameter()
-            found = correct_guess(problem, found.vector, border, CORRECTED).solution
-        if found.spread > limit_cycles.VANISHED * orbit.spread:
-            return found
+            last = correct_guess(problem, last.vector, border, CORRECTED).solution
+        if last.spread > limit_cycles.VANISHED * orbit.spread:
+            return last
     return None
 
 
@@ -313,16 +318,15 @@ def limit_cycle_ahead(
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
-    found = identified.model.without_absent_terms()
-    simulator = Simulator(found.states, found.terms)
-    motion = settle(simulator, found, start, AHEAD)
+    best = identified.model.without_absent_terms()
+    motion = settle(Simulator(best.states, best.terms), best, start, AHEAD)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
     point = limit_cycles.cycle_from_motion(
-        constant_family(found), 0.0, motion.time, motion.states, resolution=1.0
+        constant_family(best), 0.0, motion.time, motion.states, resolution=1.0
     )
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
         models = [model.without_absent_terms() for model in draw_models_and_rivals(identified, rng)]
-    ends = cycle_intervals(find_nearby_cycles(models, point.solution), len(found.states))[:, :-1]
+    ends = cycle_intervals(find_nearby_cycles(models, point.solution), len(best.states))[:, :-1]
     return point.solution.half_range(), *ends

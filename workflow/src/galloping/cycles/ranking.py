@@ -15,7 +15,9 @@ from galloping.model.intervals import interval_of_draws
 from galloping.model.polynomial import linear_term
 from galloping.trajectory.simulation import Simulator
 
-OUTLINE = 2000  # places of a motion: with 256 one that never repeats had 0.1 to 0.2 m too much room
+# Points of the outline of a motion. With 256, the clearance of an irregular motion was 0.1 to 0.2 m
+# too large.
+OUTLINE = 2000
 DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 
@@ -58,13 +60,14 @@ def apply_measure(parts: Split, case: Mapping, measure: Measure) -> Split:
     """
     after = measure.change(case)
     old, new = derive_parts(case), derive_parts(after)
-    before, later = old.by_term(), new.by_term()
+    old_values, new_values = old.by_term(), new.by_term()
     damping, mass = added_damping_and_mass(after, measure)
     masses = np.array([mode.mass for mode in make_line_and_modes(after)[1:]])
     lighter = masses / (masses + mass)  # of forces by mass, with the added point masses
     factor = np.append(np.ones(2), lighter)  # of kinematic equations, and of those of motion
     ratios = np.array([
-        factor[part[0]] * (later.get(part, 0.0) / before[part] if before.get(part) else 1.0)
+        factor[part[0]]
+        * (new_values.get(part, 0.0) / old_values[part] if old_values.get(part) else 1.0)
         for part in parts.by_term()
     ])  # fmt: skip
     fixed = parts.fixed.copy()
@@ -72,9 +75,9 @@ def apply_measure(parts: Split, case: Mapping, measure: Measure) -> Split:
         row = STATES.index(state)
         linear = linear_term(row, len(STATES))
         term = parts.terms.index(linear)
-        known, other = (of.fixed[row, of.terms.index(linear)] for of in (old, new))
+        before, changed = (each.fixed[row, each.terms.index(linear)] for each in (old, new))
         # the damping ratio stays, the frequency falls with the added mass
-        fixed[row, term] *= np.sqrt(lighter[k]) * (other / known if known else 1.0)
+        fixed[row, term] *= np.sqrt(lighter[k]) * (changed / before if before else 1.0)
         fixed[row, term] -= damping[k] / (masses + mass)[k]
     return replace(
         parts,
@@ -92,8 +95,10 @@ def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
     """
     row = STATES.index("dq_v")
     term = parts.terms.index(linear_term(row, len(STATES)))
-    own = (parts.entries == (row, term)).all(axis=1)
-    structure, wind = (values[:, own & (parts.powers == power)].sum(axis=1) for power in (0, 1))
+    is_damping = (parts.entries == (row, term)).all(axis=1)
+    structure, wind = (
+        values[:, is_damping & (parts.powers == power)].sum(axis=1) for power in (0, 1)
+    )
     structure = parts.fixed[row, term] + structure
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(wind > 0, -structure / wind, np.inf)
@@ -159,11 +164,11 @@ def with_measure(
 def outline(motion: Settled) -> np.ndarray:
     """Return the positions at mid-span, horizontal and vertical, along a settled motion.
 
-    They are places (w, v), (n, 2). The places are successive on a limit cycle, whose periods are
-    alike; otherwise they are taken from the whole window.
+    They are places (w, v), (n, 2): successive samples of a limit cycle, whose periods are equal;
+    otherwise samples from the whole window.
     """
-    every = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE)
-    return places(motion.states[::every][:OUTLINE])
+    stride = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE)
+    return places(motion.states[::stride][:OUTLINE])
 
 
 def places(states: np.ndarray) -> np.ndarray:

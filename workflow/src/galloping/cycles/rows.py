@@ -22,8 +22,8 @@ from galloping.line.measures import clearance, design_ellipses, envelope
 from galloping.trajectory.simulation import Simulator
 
 SIMULATION = "simulation"
-PATIENT = SPAN.during(16000.0)  # near a bifurcation, 4,000 s leave a third of a percent to settle
-CEILING = 2.0  # sags: a larger orbit is no line's any more
+LONG = SPAN.during(16000.0)  # near a bifurcation, amplitudes after 4,000 s err by a third of 1 %
+CEILING = 2.0  # sags: the equations do not describe a larger orbit of a line
 
 
 def line_diagram(
@@ -89,7 +89,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     """Return a table row for every bifurcation and every branch end of a bifurcation diagram."""
     rows = []
 
-    def row(branch: str, value: float, what: str, **further: Any) -> None:
+    def add_row(branch: str, value: float, what: str, **further: Any) -> None:
         place = _place_columns(label, name, along.family.unit, value)
         place |= {"branch": branch, "name": what}
         nothing = {
@@ -99,11 +99,11 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
         }
         rows.append(place | nothing | {"period_s": np.nan, "note": ""} | further)
 
-    def end(of: str, branch: Branch) -> None:
+    def add_end(name: str, branch: Branch) -> None:
         verdict = "" if branch.complete else "incomplete: "
         last = branch.points[-1].solution.value
         none = _amplitude_columns(np.nan, np.nan)
-        row(of, last, "end", **none, note=f"{verdict}{branch.reason}")
+        add_row(name, last, "end", **none, note=f"{verdict}{branch.reason}")
 
     for b in along.equilibria.bifurcations:
         further: dict[str, Any] = {"located": b.located}
@@ -111,15 +111,15 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
             further["period_s"] = 2 * np.pi / b.point.stability.critical()[0]
             if name == "wind_speed":
                 further["closed_form_wind_m_s"] = critical_wind(case)
-        row("equilibrium", b.point.solution.value, b.name, **further)
-    end("equilibrium", along.equilibria)
+        add_row("equilibrium", b.point.solution.value, b.name, **further)
+    add_end("equilibrium", along.equilibria)
     for branch, cycles in along.cycles.items():
         for b in cycles.bifurcations:
             orbit = b.point.solution
-            row(branch, orbit.value, b.name, located=b.located, **_size_columns(orbit))
-        end(branch, cycles)
+            add_row(branch, orbit.value, b.name, located=b.located, **_size_columns(orbit))
+        add_end(branch, cycles)
     for failure in along.failures:
-        row(failure.partition(":")[0], np.nan, "end", located=False, note=failure)
+        add_row(failure.partition(":")[0], np.nan, "end", located=False, note=failure)
     return rows
 
 
@@ -141,9 +141,9 @@ def simulation_rows(
 
 def _motion_columns(motion: Settled) -> dict:
     ends = {
-        f"{direction}_amplitude_{end}_m": float(of[k])
+        f"{direction}_amplitude_{end}_m": float(amplitudes[k])
         for k, direction in enumerate(("vertical", "horizontal"))
-        for end, of in (("min", motion.lowest), ("max", motion.highest))
+        for end, amplitudes in (("min", motion.lowest), ("max", motion.highest))
     }
     return {"kind": motion.kind, **_amplitude_columns(*motion.half_range[:2]), **ends}
 
@@ -184,7 +184,7 @@ def prediction_rows(
     """
     rows, columns = [], (predicted.amplitude, predicted.low, predicted.high, true)
     for (k, wind), (axis, direction) in product(enumerate(predicted.winds), enumerate("vw")):
-        value, low, high, reality = (float(of[k, axis]) for of in columns)
+        value, low, high, reality = (float(column[k, axis]) for column in columns)
         rows.append({
             **cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value,
             "low_m": low, "high_m": high, "true_m": reality,
@@ -235,7 +235,7 @@ def simulate_true_amplitudes(
     Final half ranges (v, w), (n_winds, 2); NaN without a limit cycle.
     """
     at = parameter("wind_speed").at
-    motions = [settled_line(at(case, wind), simulator, PATIENT) for wind in winds]
+    motions = [settled_line(at(case, wind), simulator, LONG) for wind in winds]
     return np.array(
         [m.half_range[:2] if m.kind == "cycle" else np.full(2, np.nan) for m in motions]
     )

@@ -102,7 +102,7 @@ class Pace:
         modes = model.small_motions(state)
         omega = modes.omega[modes.oscillating]
         omega = omega if len(omega) else modes.omega[modes.omega > 0.0]
-        omega = omega if len(omega) else np.ones(1)  # nothing tells a time: any will do
+        omega = omega if len(omega) else np.ones(1)  # there is no time scale: any value will do
         return cls(float(2.0 * np.pi / omega.min()), float(2.0 * np.pi / omega.max()))
 
 
@@ -114,8 +114,9 @@ def estimate_missing_sizes(
 ) -> np.ndarray:
     """Estimate the unknown amplitudes of states from known amplitudes and frequencies.
 
-    A velocity or an acceleration is the displacement or velocity times the frequency of small
-    motions, and conversely; others are as large as the largest of their kind. sizes: (n_states,)
+    The amplitude of a velocity is that of its displacement times the frequency of small motions;
+    other amplitudes are equal to the largest of their kind, displacements or velocities. sizes:
+    (n_states,)
     zero where unknown. model: without inputs. state: (n_states,) centre of the small motions.
     rates: (n_states,) sizes of the rates of the states, zero where unknown. Returns (n_states,),
     none of which is zero.
@@ -126,14 +127,14 @@ def estimate_missing_sizes(
         sizes[i] = sizes[i] or sizes[velocity] / omega
         sizes[velocity] = sizes[velocity] or sizes[i] * omega
     velocities = np.isin(np.arange(len(sizes)), list(pairs.values()))
-    for own in (velocities, ~velocities):
-        sizes[own] = np.where(sizes[own] > 0.0, sizes[own], sizes[own].max(initial=0.0) or 1.0)
+    for rows in (velocities, ~velocities):
+        sizes[rows] = np.where(sizes[rows] > 0.0, sizes[rows], sizes[rows].max(initial=0.0) or 1.0)
     return sizes
 
 
 # Length of a window and of its pieces, in periods of the slowest motion. The first TRANSIENT
 # windows are a transient. A motion that has not settled after them is followed as long as its size
-# changes in one direction, for MOST_WINDOWS windows at most.
+# only grows or only falls, for MOST_WINDOWS windows at most.
 WINDOW, PIECE, TRANSIENT, MOST_WINDOWS = 80, 20, 9, 50
 PER_PERIOD, MOST_SAMPLES = 50, 100_000  # samples of the fastest motion, and of a window
 # Relative to the size of the motion at its start or in the recording. A motion below DIED_OUT has
@@ -169,18 +170,18 @@ def settle_in_periods(
             status = "diverged"
         pieces = np.array_split(states, WINDOW // PIECE)
         first, last = (np.ptp(piece, axis=0) / 2.0 for piece in (pieces[0], pieces[-1]))
-        if number == 0:  # of its start, too: dry friction may hold it at once
-            moved = np.ptp(trajectory.states[: len(pieces[0]) + 1], axis=0) / 2.0
-            size = np.maximum(sizes, np.nan_to_num(moved)) + np.finfo(float).tiny
+        if number == 0:  # the start included, since dry friction may stop the motion at once
+            half_range = np.ptp(trajectory.states[: len(pieces[0]) + 1], axis=0) / 2.0
+            size = np.maximum(sizes, np.nan_to_num(half_range)) + np.finfo(float).tiny
         watch = Watch(window, window, PIECE * pace.slow, rate, DIED_OUT * size)
         motion = _judge_window(trajectory.time[1:], states, status, watch)
-        grows = bool(np.any(last > np.maximum((1.0 + STEADY) * first, ROUNDING * size)))
-        settled = motion.kind == "cycle" and number >= TRANSIENT
-        if motion.kind == "rest" and grows:
+        is_growing = bool(np.any(last > np.maximum((1.0 + STEADY) * first, ROUNDING * size)))
+        is_settled = motion.kind == "cycle" and number >= TRANSIENT
+        if motion.kind == "rest" and is_growing:
             motion = replace(motion, kind="irregular")
         extents.append(float(np.linalg.norm(motion.half_range / size)))
-        wavers = number >= TRANSIENT and np.prod(np.diff(extents[-3:])) <= 0.0
-        if settled or wavers or motion.kind not in ("cycle", "irregular"):
+        is_fluctuating = number >= TRANSIENT and np.prod(np.diff(extents[-3:])) <= 0.0
+        if is_settled or is_fluctuating or motion.kind not in ("cycle", "irregular"):
             return motion
         state = states[-1]
     return motion
