@@ -258,7 +258,7 @@ galloping.summarise(FOUND, recording(), method="stlsq") | method: 'stlsq'; {METH
 galloping.forecast(FOUND, recording(), [9.95, 10]) | time: begins at 9.95 s; the recording ends
 galloping.simulate("line", [0, 1], TIME) | model: a str; {MODEL}
 galloping.cramer_rao_bound(power(2), [1], [0, 2], [1]) | the solution of the model diverges
-galloping.cramer_rao_bound(power(1), [0], [0, 200, 400], [1]) | the motion depends on where
+galloping.cramer_rao_bound(power(1), [0], [0, 200, 400], [1]) | the sensitivity of the motion
 galloping.cramer_rao_bound(LINE, [0, 1], TIME, [1, 0]) | sigma: [1.0, 0.0]; each must be > 0
 galloping.measure(LINE, VALUES) | motion: a ndarray; must be what `simulate` returns
 galloping.measure(LINE, ENDED) | motion: diverged: far away; there is nothing to measure

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-PASS = 0.04  # of what is left of a part: it takes ten passes or a hundred, nobody knows before
+PASS = 0.04  # share of the rest of a part that a pass does; the number of passes is unknown
 
 
 @dataclass

@@ -122,8 +122,8 @@ def plot_phase(
     if model.is_forced:
         raise ValueError("plot_phase: random forces move the model; plot_fit draws its spectra")
     pairs = velocity_pairs(names)
-    usual = tuple(names[k] for k in next(iter(pairs.items()))) if pairs else names[:2]
-    shown = usual if states is None else tuple(states)
+    default = tuple(names[k] for k in next(iter(pairs.items()))) if pairs else names[:2]
+    shown = default if states is None else tuple(states)
     if len(shown) not in (2, 3) or not set(shown) <= set(names):
         allowed = f"must be two or three of {', '.join(names)}"
         raise ValueError(f"states: {list(shown)!r:.60}; {allowed}")

@@ -70,10 +70,7 @@ class Surroundings(Immutable):
     rates: NDArray[np.float64] | float = 0.0
 
     def sizes(self, model: PolynomialModel) -> NDArray[np.float64]:
-        """Return the amplitude of each state; if not measured, estimated by a model.
-
-        Shape (n_states,).
-        """
+        """Return the amplitudes (n_states,), estimated by a model where not measured."""
         half = np.where(np.isfinite(self.high - self.low), (self.high - self.low) / 2.0, 0.0)
         return estimate_missing_sizes(half, model, self.middle, self.rates)
 

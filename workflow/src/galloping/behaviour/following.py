@@ -75,8 +75,7 @@ class Sensed:
 def check_recordings(model: PolynomialModel, recordings: object) -> list[Recording]:
     """Check that recordings have the states and inputs of a model, and return them as a list.
 
-    recordings: one or several. Raises ValueError as `checked_recordings`, and if a state or an
-    input differs.
+    Raises ValueError as `checked_recordings`, and for other states or a missing input.
     """
     given = checked_recordings(recordings)
     if given[0].states != model.states:
@@ -114,14 +113,11 @@ def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
-    """Compute half of the range of the samples of each state over several recordings.
-
-    Shape (n_states,), zero without samples.
-    """
-    given = [each for each in columns if each is not None]
-    if not given:
+    """Compute half ranges, (n_states,), of samples over several recordings; zero without any."""
+    measured = [values for values in columns if values is not None]
+    if not measured:
         return 0.0
-    values = np.concatenate(given)
+    values = np.concatenate(measured)
     known = np.isfinite(values)
     low = np.where(known, values, np.inf).min(axis=0)
     high = np.where(known, values, -np.inf).max(axis=0)
@@ -150,18 +146,12 @@ class Following:
 
     @cached_property
     def samples(self) -> np.ndarray:
-        """Samples of the recording, with a column for each channel, NaN where missing.
-
-        Shape (n, n_sensed).
-        """
+        """Samples of the recording in all channels, (n, n_sensed), NaN where missing."""
         return self.sensed.samples(self.recording)
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """Noise standard deviation of each channel, zero if it is not known.
-
-        Shape (n_sensed,).
-        """
+        """Noise standard deviation of each channel, (n_sensed,), zero if it is not known."""
         rates = self.sensed.names[len(self.sensed.states) :]
         of_rates = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
         return np.append(np.fmax.reduce(self.identified.sigma, axis=0, initial=0.0), of_rates)
@@ -213,10 +203,7 @@ class Following:
         return np.hstack([states, rates[:, self.sensed.rates]])
 
     def fit_start(self, rows: slice) -> np.ndarray | None:
-        """Fit the initial state of the model to some samples; None if its motion diverges.
-
-        Returns (n_states,).
-        """
+        """Fit the initial state, (n_states,), to some samples; None if the motion diverges."""
         guess = first_guess(self.recording, rows.start)
         return self.fit_start_of(self.identified.model, rows, guess, self.samples[rows])
 
@@ -260,10 +247,7 @@ class Following:
     def differentiate(
         self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray, time: np.ndarray
     ) -> np.ndarray:
-        """Compute the derivatives of a simulated motion by its initial state.
-
-        Shape (n_states, n, n_sensed).
-        """
+        """Differentiate a simulated motion by its initial state: (n_states, n, n_sensed)."""
         size = np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0)
         size = STEP * np.where(size > 0.0, size, size.max() or 1.0)
         return np.array(

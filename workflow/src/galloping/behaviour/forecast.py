@@ -64,10 +64,7 @@ class Forecast(Immutable):
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
     def channel_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Return the median and the ends of the 90 % band of each channel as named arrays.
-
-        They are (n,) each.
-        """
+        """Return the median and the ends of the 90 % band of each channel as named arrays (n,)."""
         parts = {"": self.median, "_low": self.low, "_high": self.high}
         return {
             f"{name}{end}": values[:, k]

@@ -87,7 +87,7 @@ def _find_random_forces(
     parts, has_model = excerpts(list(recordings)), identified.status != "refused"
     if has_model and (still := unaccelerated_coordinates(identified)):
         return [Finding.of(Code.NOT_ACCELERATED, name) for name in still]
-    if identified.model.inputs:  # they sustain the motion; a model that comes to rest lacks terms
+    if identified.model.inputs:  # they sustain it; a model that comes to rest may lack terms
         return []
     if has_model and any(
         recording_outlasts_model(identified, used)
@@ -172,7 +172,7 @@ def _find_changes_at_random(
         ("damping", Code.DAMPING_CHANGES, "percent", 100.0),
     ):
         by_name, others = (getattr(each, quantity) for each in properties)
-        for name in by_name.keys() & others.keys():
+        for name in (name for name in by_name if name in others):
             first, second = by_name[name], others[name]
             error = np.hypot(first.high - first.low, second.high - second.low) / (2.0 * NORMAL_95)
             if abs(first.value - second.value) > SIGNIFICANT * error:

@@ -102,10 +102,7 @@ class BranchProblem(Protocol):
         return None
 
     def along_parameter(self) -> np.ndarray:
-        """Return the unit vector that selects the parameter in the solution vector.
-
-        Shape (n,).
-        """
+        """Return the unit vector (n,) that selects the parameter in the solution vector."""
         return np.append(np.zeros(len(self.metric) - 1), 1.0)
 
     def length(self, change: np.ndarray) -> float:

@@ -55,10 +55,7 @@ class EquilibriumProblem(continuation.BranchProblem):
 
     @property
     def metric(self) -> np.ndarray:
-        """Weights of the squared components of a step, which define its length.
-
-        Shape (n_states + 1,), from sizes and longest step.
-        """
+        """Weights (n_states + 1,) of the squared components of a step, which define its length."""
         sizes = np.broadcast_to(self.family.sizes, self.n_states)
         return np.append(sizes, self.resolution) ** -2.0
 

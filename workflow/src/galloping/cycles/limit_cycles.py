@@ -51,10 +51,7 @@ class Orbit:
 
     @cached_property
     def vector(self) -> np.ndarray:
-        """Vector of the orbit: its states at equally spaced phases, period and parameter.
-
-        There are PHASES phases, one after the other.
-        """
+        """Vector of the orbit: its states at PHASES equally spaced phases, period and parameter."""
         thinned = self.states[:: len(self.states) // PHASES]
         return np.append(thinned.ravel(), [self.period, self.value])
 
@@ -172,10 +169,7 @@ class CycleProblem(continuation.BranchProblem):
 
     @cached_property
     def metric(self) -> np.ndarray:
-        """Weights of the squared components of a step, which define its length.
-
-        Shape (n,), from sizes of the orbit.
-        """
+        """Weights (n,) of the squared components of a step, which define its length."""
         orbit = self.reference
         states = self._of_states / (PHASES * (STEP * orbit.spread) ** 2)
         return np.append(states, [(STEP * orbit.period) ** -2.0, self.resolution**-2.0])
@@ -188,10 +182,7 @@ class CycleProblem(continuation.BranchProblem):
 
     @cached_property
     def phase(self) -> np.ndarray:
-        """Coefficients of the integral phase condition, which fixes the phase of an orbit.
-
-        It is a condition on changes of the vector, (n,).
-        """
+        """Coefficients (n,) of the integral phase condition on changes of the vector."""
         velocity = self.reference.at(np.arange(PHASES) / PHASES, 1)
         return np.append(self._of_states * velocity.ravel() / PHASES, [0.0, 0.0])
 

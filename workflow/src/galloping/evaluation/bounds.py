@@ -41,16 +41,16 @@ def sensitivities(
         measured = [one for one in checked.values() if isinstance(one, Input)]  # all are
         step, most = first_step(measured), EQUAL_STEPS * max_steps(time)
         try:
-            states, moved, _ = solve_driven(model, measured, start, time, step, most, free)
+            states, slopes, _ = solve_driven(model, measured, start, time, step, most, free)
         except FloatingPointError:
             raise ValueError(diverges) from None
     else:
-        states, moved, _, ending = solve(model, start, time, max_steps(time), free)
+        states, slopes, _, ending = solve(model, start, time, max_steps(time), free)
         if ending is not Ending.COMPLETE:
             raise ValueError(diverges)
-    if not (np.all(np.isfinite(states)) and np.all(np.isfinite(moved))):
+    if not (np.all(np.isfinite(states)) and np.all(np.isfinite(slopes))):
         raise ValueError(diverges)
-    return states, moved
+    return states, slopes
 
 
 # --- the bound ---
@@ -118,16 +118,16 @@ def weighted_sensitivities(
     measured, their derivatives. Columns, and errors raised: as of `sensitivities`.
     """
     time, inputs = experiment.time, experiment.inputs
-    states, moved = sensitivities(model, free, experiment.initial_state, time, inputs)
-    weighted = moved / experiment.sigma[:, None]
+    states, slopes = sensitivities(model, free, experiment.initial_state, time, inputs)
+    weighted = slopes / experiment.sigma[:, None]
     if experiment.rate_sigma is None:
         return weighted
     driving = inputs_at_times([inputs[name] for name in model.inputs], time)
-    rates = model.jacobian(states, driving) @ moved
+    rates = model.jacobian(states, driving) @ slopes
     theta = design_matrix(join_inputs(states, driving), model.terms)
     rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
-    held = sticking_projections(model, states, theta @ model.coefficients.T, driving)
-    rates = rates if held is None else held @ rates
+    projections = sticking_projections(model, states, theta @ model.coefficients.T, driving)
+    rates = rates if projections is None else projections @ rates
     return np.concatenate([weighted, rates / experiment.rate_sigma[:, None]], axis=1)
 
 
@@ -142,14 +142,14 @@ def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.linalg.norm(rows, axis=0)
     if not np.all(np.isfinite(size)):
-        raise ValueError("the motion depends on where it starts by more than numbers hold")
-    # what the initial state does may be a million times what is left: a difference of informations
-    # would be rounding
+        raise ValueError("the sensitivity of the motion to its start leaves the range of numbers")
+    # By projection, not by a difference of information matrices: the effect of the initial state
+    # may be a million times that of the coefficients, and the difference would be rounding.
     scaled = by_state / np.maximum(size[n_free:], np.finfo(float).tiny)
     directions, spread, _ = np.linalg.svd(scaled, full_matrices=False)
     directions = directions[:, spread > 1e-13 * spread.max(initial=0.0)]
-    left = by_coefficients - directions @ (directions.T @ by_coefficients)
-    return left.T @ left
+    remainder = by_coefficients - directions @ (directions.T @ by_coefficients)
+    return remainder.T @ remainder
 
 
 def derivative_bound(
@@ -173,18 +173,18 @@ def derivative_bound(
 def covariance_of(information: np.ndarray) -> np.ndarray:
     """Invert an information matrix, with infinite variances of undetermined parameters."""
     diagonal = np.diag(information).copy()
-    seen = diagonal > 0
+    is_informed = diagonal > 0
     covariance = np.full(information.shape, np.inf)
-    if not seen.any():
+    if not is_informed.any():
         return covariance
-    scale = 1.0 / np.sqrt(diagonal[seen])
-    values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] * scale[:, None] * scale)
+    block, scale = np.ix_(is_informed, is_informed), 1.0 / np.sqrt(diagonal[is_informed])
+    values, vectors = np.linalg.eigh(information[block] * scale[:, None] * scale)
     good = values > 1e-13 * values[-1]
     inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
     undetermined = (vectors[:, ~good] ** 2).sum(axis=1) > 1e-6
     inverse = inverse * scale[:, None] * scale
     inverse[undetermined, undetermined] = np.inf
-    covariance[np.ix_(seen, seen)] = inverse
+    covariance[block] = inverse
     return covariance
 
 
@@ -229,13 +229,13 @@ def bounds_of(
     if not any(np.any(noise.states) for noise in noises):
         if any(np.any(noise.rates != noises[0].rates) for noise in noises):
             raise ValueError("bound: rates of exact states need the same noise")
-        # one system, one noise: the rows of all recordings in one regression
+        # the rows of all recordings in one regression, since system and noise are the same
         x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
         sigma = noises[0].rates
         return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
     for motion, noise in zip(motions, noises, strict=True):
         check_noise(motion.names, noise)
-    # a motion is followed once: to be free where it starts is to be free where samples begin
+    # each motion is integrated once: a free state at its start is a free state at the first sample
     experiments = [
         Experiment(motion.states[0], motion.time, noise.states, rate)
         for motion, noise, rate in zip(motions, noises, rates, strict=True)

@@ -25,8 +25,8 @@ def at_the_bound(
     """Create a model with the true terms and random errors at the Cramér-Rao bound.
 
     It is the result of an efficient method that knows the terms. lacking: names of the terms that
-    the candidate library lacks. If there are any, or the data leave a coefficient undetermined,
-    there is no such method, and no model.
+    the candidate library lacks. There is no such method, and no model, if any are lacking or a
+    coefficient is undetermined.
     """
     if lacking:
         why = Finding.of(Code.TERMS_NOT_IN_LIBRARY, terms=", ".join(lacking))
@@ -56,7 +56,8 @@ def cell_bounds(
     times_differ = measurement["samples"] < len(motions[0].time)
     replicates = measurement["replicates"] if times_differ else 1
     drawn = recordings_of(motions, name=name, **{**measurement, "replicates": replicates})
-    samplings = [[np.searchsorted(motions[0].time, each.time) for each in of] for of in drawn]
+    time = motions[0].time
+    samplings = [[np.searchsorted(time, one.time) for one in recordings] for recordings in drawn]
     return cramer_rao.bounds_of(model, tuple(EQUATIONS), motions, noises, samplings)
 
 
@@ -101,8 +102,8 @@ def ranked_releases(
 
     The best is first. They are at rest at one of the `heights` (m) in either direction, a row each.
     first: the existing recording. level: of the noise on every state, over its deviation. Initial
-    displacements from which the motion diverges, or leaves a state at rest, are left out; all are
-    if that of `first` does, or if there is no noise.
+    displacements from which the motion diverges, or leaves a state at rest, are left out. There are
+    no rows if the motion of `first` does so, or if there is no noise.
     """
     if first.status != "ok" or level == 0:
         return []

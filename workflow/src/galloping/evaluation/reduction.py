@@ -12,12 +12,12 @@ from galloping.line import continuous
 from galloping.streams import make_generator
 
 RATE = 50  # Hz
-STEP = 0.02  # s: after 300 s within 0.1 mm of a quarter of it
+STEP = 0.02  # s: after 300 s, motions differ by 0.1 mm from those with a quarter of it
 WINDOWS = ((0, 100), (100, 200), (200, 300))  # s
 STEADY = WINDOWS[-1]
 LIMIT_CYCLE = (1400, 1500)  # s: the slowest approach has died out
 DIRECTIONS = ("vertical", "horizontal")
-COMMON = 2.0  # a factor by which the two differ at most where they move in the same way
+MAX_RATIO = 2.0  # between amplitudes or frequencies of a common motion
 
 
 @dataclass(frozen=True)
@@ -97,26 +97,26 @@ def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]
     There is a row for each line and direction. motions: of the lines, as `variant_motion` returns
     them, at mid-span. Amplitude and frequency are those of 200-300 s; limit_cycle_m is the
     amplitude after 1400 s. Errors are those of the two-mode model against the line, NaN if the two
-    differ in either direction by more than COMMON and so have no common motion; R2 is of its
+    differ in either direction by more than MAX_RATIO and so have no common motion; R2 is of its
     displacement, over stretches of 100 s, since phases drift apart. antisymmetric_m, the amplitude
     of the limit cycle at a quarter of the span in antisymmetric modes, is not part of the two-mode
     model.
     """
     model = _simulate_release(continuous.continuous_line(case, 0), np.array(initial_state(case)))
-    of_model, tables = _describe_motion(*model), []
+    expected, tables = _describe_motion(*model), []
     for name, motion in {"two modes": model, **motions}.items():
-        own = _describe_motion(*motion)
+        values = _describe_motion(*motion)
         row: dict[str, object] = {"line": name, "direction": DIRECTIONS}
         for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
-            ratio = of_model[quantity] / own[quantity]
-            common = np.all((ratio >= 1 / COMMON) & (ratio <= COMMON))
-            row[quantity] = own[quantity]
+            ratio = expected[quantity] / values[quantity]
+            is_common = np.all((ratio >= 1 / MAX_RATIO) & (ratio <= MAX_RATIO))
+            row[quantity] = values[quantity]
             error = f"{quantity.rsplit('_', 1)[0]}_error_percent"
-            row[error] = 100.0 * (ratio - 1.0) if common else np.nan
+            row[error] = 100.0 * (ratio - 1.0) if is_common else np.nan
         for begin, end in WINDOWS:
             part = _samples_between(begin, end)
             row[f"r2_{begin}_{end}_s"] = r_squared(motion[0][part], model[0][part])
-        tables.append(pd.DataFrame({**row, "antisymmetric_m": own["antisymmetric_m"]}))
+        tables.append(pd.DataFrame({**row, "antisymmetric_m": values["antisymmetric_m"]}))
     return pd.concat(tables, ignore_index=True)
 
 

@@ -29,10 +29,10 @@ from galloping.results import Motion
 
 AERODYNAMICS = ("small_angle", "relative")
 STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 modes
-RADIANS = 0.5  # of the fastest mode in a step: the method is unstable from 2.8 on
+RADIANS = 0.5  # longest step, in radians of the fastest mode: the method is unstable above 2.8
 
 
-# of a `Span`, what its rates are computed from
+# the parts of a `Span` from which its rates are computed
 Arrays = namedtuple(
     "Arrays",
     "stiffness damping strain quadratic pull stretch shapes loading coefficients pressure relative",
@@ -134,10 +134,7 @@ def _solve_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, n
 
 
 def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
-    """Evaluate the mode shapes of both directions at places given as fractions of the span.
-
-    Returns (2, n_places, n).
-    """
+    """Evaluate the mode shapes, (2, n_places, n), at places given as fractions of the span."""
     nodes = 2.0 * positions(line.line.span) / line.line.span - 1.0
     points = 2.0 * np.asarray(places) - 1.0
     # exact to rounding: the quadrature nodes are those of a polynomial of high degree
@@ -181,7 +178,7 @@ def equilibrium(line: Span) -> np.ndarray:
         return np.zeros(2 * n)
     solution = root(lambda x: line.rates(np.concatenate([x, still]), line.speed)[n:], still)
     if not solution.success:
-        raise ValueError("the line finds no equilibrium in the mean wind")
+        raise ValueError("no equilibrium of the line in the mean wind was found")
     return np.concatenate([solution.x, still])
 
 
@@ -230,8 +227,8 @@ def simulate(
 
     Returns (q, p, dq, dp), (n, 4 n_modes). start: the state at time[0]. time: (n,) s, equally
     spaced. speed: (n,) wind at those times, linear between them; the mean wind by default. step: s,
-    the longest step of the Runge-Kutta method of order 4; of a line whose fastest mode it does not
-    resolve it is shorter, RADIANS of that.
+    the longest step of the Runge-Kutta method of order 4, which is at most RADIANS of the fastest
+    mode in any case.
     """
     step = min(step, RADIANS / float(np.max(natural_modes(line)[0])))
     interval = (time[-1] - time[0]) / (len(time) - 1)
@@ -323,7 +320,7 @@ def _runge_kutta(start, step, substeps, wind, line):
     return states
 
 
-QUARTERS = (0.25, 0.5, 0.75)  # of the span: three sensors that tell the first three modes apart
+QUARTERS = (0.25, 0.5, 0.75)  # of the span: sensors that distinguish the first three modes
 
 
 def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> np.ndarray:
@@ -333,9 +330,9 @@ def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> 
     n_modes); of their rates, the result is velocities and accelerations, m/s2. places: shares of
     the span.
     """
-    each = states.reshape(len(states), 2, 2, line.modes)
-    read = np.einsum("dsk,nhdk->nshd", shapes_at(line, places), each)
-    return read.reshape(*read.shape[:2], 4)
+    coordinates = states.reshape(len(states), 2, 2, line.modes)
+    readings = np.einsum("dsk,nhdk->nshd", shapes_at(line, places), coordinates)
+    return readings.reshape(*readings.shape[:2], 4)
 
 
 def first_modes(line: Span, values: np.ndarray, places: Sequence[float]) -> np.ndarray:
@@ -366,16 +363,16 @@ def simulate_at_sensors(
     load = {"aerodynamic": truth["aerodynamics"], "drag": truth["drag"]}
     line = continuous_line(case, truth["modes"], **load)
     initial = [start[state] for state in STATES]
-    released = displaced_state(line, initial[:2], initial[2:], antisymmetric=truth["antisymmetric"])
+    state = displaced_state(line, initial[:2], initial[2:], antisymmetric=truth["antisymmetric"])
     speed = draw_wind(line, truth["gusts"], time, rng)
-    states = simulate(line, released, time, speed)
+    states = simulate(line, state, time, speed)
     if not np.all(np.isfinite(states)):
         nowhere = np.full((len(time), len(STATES)), np.nan)
         return Motion(STATES, time, nowhere, nowhere, "diverged: not finite")
     winds = np.full(len(time), line.speed) if speed is None else speed
     rates = np.array([line.rates(*each) for each in zip(states, winds, strict=True)])
-    seen, seen_rates = (
+    first_states, first_rates = (
         first_modes(line, sensor_readings(line, each, truth["sensors"]), truth["sensors"])[:, 0]
         for each in (states, rates)
     )
-    return Motion(STATES, time, seen, seen_rates)
+    return Motion(STATES, time, first_states, first_rates)

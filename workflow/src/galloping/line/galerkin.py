@@ -227,15 +227,15 @@ def make_line_and_modes(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
     return line, _linear_mode(line, phi, strain), _linear_mode(line, psi, 0.0)
 
 
-def _linear_mode(line: Line, own: ModeShape, strain: float) -> LinearMode:
+def _linear_mode(line: Line, mode: ModeShape, strain: float) -> LinearMode:
     shape, slope, curvature = (
-        integrate(values**2, line.span) for values in (own.shape, own.slope, own.curvature)
+        integrate(values**2, line.span) for values in (mode.shape, mode.slope, mode.curvature)
     )
-    mass = float(line.mass * shape + line.spacer_mass * np.sum(own.at_spacers**2))
+    mass = float(line.mass * shape + line.spacer_mass * np.sum(mode.at_spacers**2))
     stiffness = line.tension * slope + line.bending_stiffness * curvature
     stiffness += line.axial_stiffness * line.span * strain**2
     quadratic = slope / (2 * line.span)
-    shapes = own.shape, own.slope, own.curvature, own.at_spacers
+    shapes = mode.shape, mode.slope, mode.curvature, mode.at_spacers
     return LinearMode(*shapes, mass, sqrt(stiffness / mass), strain, quadratic)
 
 

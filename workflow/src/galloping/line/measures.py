@@ -64,7 +64,7 @@ def damper(position: float, coefficient: float) -> Measure:
 def spacers(mass: float, positions: Sequence[float]) -> Measure:
     """Make the measure against galloping that replaces the spacers by others.
 
-    Their mass lowers both frequencies, each by its mode at their places.
+    Their mass lowers both frequencies.
     """
     label = f"spacers of {mass:g} kg at {', '.join(f'{p:g}' for p in positions)} m"
     new = {"mass": mass, "positions": list(positions)}

@@ -60,8 +60,8 @@ class Function(NamedTuple):
 
         x: (n, n_states or more). Returns (n,).
         """
-        own = [k for k, weight in enumerate(self.weights) if weight]
-        return x[:, own] @ np.array([self.weights[k] for k in own]) + self.offset
+        columns = [k for k, weight in enumerate(self.weights) if weight]
+        return x[:, columns] @ np.array([self.weights[k] for k in columns]) + self.offset
 
     def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Evaluate the function, (n,), at states (n, n_states or more)."""
@@ -70,9 +70,9 @@ class Function(NamedTuple):
     @property
     def state(self) -> int | None:
         """Index of the state if the argument is one state alone, else None."""
-        own = [k for k, weight in enumerate(self.weights) if weight]
-        plain = len(own) == 1 and self.weights[own[0]] == 1.0 and self.offset == 0.0
-        return own[0] if plain else None
+        states = [k for k, weight in enumerate(self.weights) if weight]
+        is_alone = len(states) == 1 and self.weights[states[0]] == 1.0 and self.offset == 0.0
+        return states[0] if is_alone else None
 
     def derivative(self, state: int) -> tuple[float, tuple[Function, ...]]:
         """Return the derivative by a state, as a number and functions that it multiplies."""
@@ -98,9 +98,9 @@ class Function(NamedTuple):
         ]
         if self.offset:
             parts.append((self.offset, number(abs(self.offset))))
-        (first, said), *others = parts
+        (value, text), *others = parts
         signed = (f" {'-' if value < 0.0 else '+'} {part}" for value, part in others)
-        return f"{'-' if first < 0.0 else ''}{said}{''.join(signed)}"
+        return f"{'-' if value < 0.0 else ''}{text}{''.join(signed)}"
 
 
 def make_function(
@@ -130,7 +130,7 @@ def make_function(
         factor, offset = exp(offset) if offset < MOST_EXPONENT else np.inf, 0.0
     if not 0.0 < abs(factor) < np.inf:
         raise ValueError(said)
-    # zero added: the negative zero is another spelling
+    # adding zero removes the sign of a negative zero
     weights = tuple(weight / unit + 0.0 for weight in weights)
     return float(factor), Function(name, weights, offset / unit + 0.0)
 
@@ -193,14 +193,14 @@ def differentiate_term(term: Sequence, state: int) -> list[tuple[float, tuple]]:
     """Return the derivative of a term by a state, as a list of (number, term) pairs."""
     n = n_exponents(term)
     exponents, functions = term[:n], term[n:]
-    found = []
+    parts = []
     if exponents[state]:
         lower = [e - (k == state) for k, e in enumerate(exponents)]
-        found.append((exponents[state], canonical_term(lower, functions)))
-    for own, count in Counter(functions).items():
-        factor, instead = own.derivative(state)
+        parts.append((exponents[state], canonical_term(lower, functions)))
+    for function, count in Counter(functions).items():
+        factor, derivative = function.derivative(state)
         if factor:
             others = list(functions)
-            others.remove(own)
-            found.append((count * factor, canonical_term(exponents, (*others, *instead))))
-    return found
+            others.remove(function)
+            parts.append((count * factor, canonical_term(exponents, (*others, *derivative))))
+    return parts

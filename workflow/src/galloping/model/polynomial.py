@@ -23,10 +23,10 @@ from galloping.arrays import Immutable, Matrix, as_floats
 from galloping.model.functions import FUNCTIONS, Function, differentiate_term, n_exponents
 from galloping.model.modes import Modes
 
-# Exponents of the states and then of the inputs, int, and behind them the functions that multiply
-# these powers, Function: two lengths that no type of a tuple can have.
+# Exponents of the states and then of the inputs (int), then the functions that multiply them
+# (Function). No type of a tuple can express the two lengths.
 Exponents: TypeAlias = tuple[Any, ...]
-# on a coefficient: its equation and term, and the least and greatest number that it may be
+# equation and term of a coefficient, and its lower and upper bound
 Bound: TypeAlias = tuple[int, Exponents, float, float]
 
 
@@ -76,10 +76,7 @@ def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
 
 
 def exponent_matrix(terms: Sequence[Exponents], count: int) -> NDArray[np.int64]:
-    """Return the exponents of terms, without their functions, as an integer matrix.
-
-    The shape is (n_terms, count).
-    """
+    """Return the exponents of terms, without their functions, as a matrix (n_terms, count)."""
     return np.array([term[:count] for term in terms], np.int64).reshape(-1, count)
 
 
@@ -93,16 +90,17 @@ def term_name(exponents: Exponents, names: Sequence[str]) -> str:
 
     names: of the states and, if exponents are of inputs too, of those.
     """
-    own = Counter(exponents[len(names) :])
-    powers = [(f.text(names), e) for f, e in own.items() if f.name != "inverse"]
+    functions = Counter(exponents[len(names) :])
+    powers = [(f.text(names), e) for f, e in functions.items() if f.name != "inverse"]
     powers += zip(names, exponents, strict=False)
-    below = [(s, -e) for s, e in powers if e < 0]
-    for f, e in own.items():
+    divisors = [(s, -e) for s, e in powers if e < 0]
+    for f, e in functions.items():
         if f.name == "inverse":
             argument = f.argument_text(names)
-            below.append((argument if f.state is not None else f"({argument})", e))
+            divisors.append((argument if f.state is not None else f"({argument})", e))
     factors = [f"{s}^{e}" if e > 1 else s for s, e in powers if e > 0]
-    return (" ".join(factors) or "1") + "".join(f"/{s}^{e}" if e > 1 else f"/{s}" for s, e in below)
+    divided = "".join(f"/{s}^{e}" if e > 1 else f"/{s}" for s, e in divisors)
+    return (" ".join(factors) or "1") + divided
 
 
 def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str], str]) -> list[str]:
@@ -112,8 +110,8 @@ def latex_factors(term: Exponents, names: Sequence[str], number: Callable[[str],
     """
     powers = [(name, power) for name, power in zip(names, term, strict=False) if power]
     for function, power in Counter(term[len(names) :]).items():
-        about = function.argument_text(names, lambda value: number(f"{value:.6g}"))
-        factor = FUNCTIONS[function.name].latex.format(about)
+        argument = function.argument_text(names, lambda value: number(f"{value:.6g}"))
+        factor = FUNCTIONS[function.name].latex.format(argument)
         powers.append((factor if power == 1 else rf"\left({factor}\right)", power))
     return [factor if power == 1 else f"{factor}^{{{power}}}" for factor, power in powers]
 
@@ -162,17 +160,17 @@ def split_functions(
 def factor_monomials(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
     """Split each monomial into its last variable and the index of the monomial that remains.
 
-    Returns the state, and the index of that monomial; -1 if it is a constant, None if it is not
-    among those before.
+    Returns pairs of the variable and the index of that monomial: -1 if it is a constant, None if it
+    is not an earlier one of `terms`.
     """
     column = {term: j for j, term in enumerate(terms)}
-    made: list[tuple[int | None, int | None]] = []
+    factors: list[tuple[int | None, int | None]] = []
     for j, term in enumerate(terms):
         last = max((k for k, e in enumerate(term) if e), default=None)
         lower = tuple(e - (k == last) for k, e in enumerate(term))
-        place = -1 if last is not None and not any(lower) else column.get(lower, j)
-        made.append((last, place if place < j and min(term) >= 0 else None))
-    return tuple(made)
+        index = -1 if last is not None and not any(lower) else column.get(lower, j)
+        factors.append((last, index if index < j and min(term) >= 0 else None))
+    return tuple(factors)
 
 
 @cache
@@ -183,12 +181,12 @@ def differentiate_terms(terms: tuple[Exponents, ...], n_states: int) -> tuple[tu
     derivatives. That of a power is its exponent times the power divided by the state; a term with
     functions may have several, one after the other.
     """
-    found = []
+    by_state = []
     for k in range(n_states):
         rows = [(j, *part) for j, term in enumerate(terms) for part in differentiate_term(term, k)]
-        places, factors, lower = zip(*rows, strict=True) if rows else ((), (), ())
-        found.append((np.array(places, int), np.array(factors), lower))
-    return tuple(found)
+        columns, factors, lower = zip(*rows, strict=True) if rows else ((), (), ())
+        by_state.append((np.array(columns, int), np.array(factors), lower))
+    return tuple(by_state)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -221,7 +219,7 @@ class PolynomialModel(Immutable):
     coefficients: NDArray[np.float64]
     inputs: tuple[str, ...] = ()
 
-    if TYPE_CHECKING:  # what is given may be a list; what is held is not
+    if TYPE_CHECKING:  # arguments may be lists, which attributes are not
 
         def __init__(
             self,
@@ -246,11 +244,8 @@ class PolynomialModel(Immutable):
 
     def __repr__(self) -> str:
         driven = f" driven by {', '.join(self.inputs)}" if self.inputs else ""
-        about = (
-            f"PolynomialModel of {', '.join(self.states)}{driven}, {len(self.terms)} candidate "
-            "terms"
-        )
-        return "\n".join([about, *self.equations()])
+        kind = f"PolynomialModel of {', '.join(self.states)}{driven}"
+        return "\n".join([f"{kind}, {len(self.terms)} candidate terms", *self.equations()])
 
     def equations(self, standard_errors: ArrayLike | None = None) -> tuple[str, ...]:
         """Return the equation of each state as text.
@@ -341,8 +336,8 @@ class PolynomialModel(Immutable):
         """
         both = self._join(x, u)
         by_state = [
-            design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
-            for places, factors, lower in differentiate_terms(self.terms, len(self.states))
+            design_matrix(both, lower) @ (self.coefficients[:, columns] * factors).T
+            for columns, factors, lower in differentiate_terms(self.terms, len(self.states))
         ]
         return np.stack(by_state, axis=2)
 
@@ -387,7 +382,7 @@ class PolynomialModel(Immutable):
     def without_dry_friction(self) -> PolynomialModel:
         """Return the model without terms that contain the sign of a velocity.
 
-        Such terms make any position near the equilibrium one of rest.
+        With such terms, a model can rest at any position near its equilibrium.
         """
         velocities = set(velocity_pairs(self.states).values())
 
@@ -421,9 +416,9 @@ class PolynomialModel(Immutable):
         return PolynomialModel(self.states, terms, coefficients, self.inputs)
 
     def on_polynomials(self, degree: int) -> PolynomialModel:
-        """Return the same model on all monomials up to a degree, then its terms that are no such.
+        """Return the same model on all monomials up to a degree, then its other terms.
 
-        Names of inputs count as those of states.
+        The monomials are those of states and inputs.
         """
         return self.on_library(extend_library(polynomial_library(len(self.names), degree), self))
 

@@ -77,18 +77,18 @@ NUMBER: /(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?/
 NAME: /[^\W\d]\w*/
 %ignore /\s+/
 """
-EXPECTED = {  # by terminal; others are not worth a word
+EXPECTED = {  # in words, by terminal; messages omit the others
     "NAME": "a name", "NUMBER": "a number", "RPAR": ")", "SEMICOLON": "; and a degree",
     "EQUAL": "=", "COLON": ":", "COMMA": "a comma", "CLOSE": "|",
 }  # fmt: skip
 HIGHEST = 12  # power of a name in a term, and degree of `poly`
-# A text within these bounds is read in a moment, whatever it says.
+# Any text within these bounds is parsed in a short time.
 MOST_CHARACTERS, DEEPEST = 10_000, 50  # of a text, and of brackets within brackets
-MOST_TERMS = 600  # that a text multiplies out to
+MOST_TERMS = 600  # of an expanded text
 STRUCTURE = 3  # degree of the elastic forces of `wind`
 
 Sum: TypeAlias = dict[Exponents, float]  # coefficients by term
-Node: TypeAlias = Any  # a Tree or Token of lark, which of them the grammar says
+Node: TypeAlias = Any  # a Tree or Token of lark, depending on the rule of the grammar
 
 
 def parse_library(
@@ -126,10 +126,10 @@ def parse_library(
     allowed: list[Sum] = [{} for _ in states]
     for text in texts:
         sentence = _Sentence("library", text, tuple(states), tuple(inputs))
-        for equation, own in sentence.of_equations():
-            allowed[equation] |= own
-    terms = tuple(dict.fromkeys(term for own in allowed for term in own))
-    mask = np.array([[term in own for term in terms] for own in allowed])
+        for equation, right in sentence.parse_equations():
+            allowed[equation] |= right
+    terms = tuple(dict.fromkeys(term for right in allowed for term in right))
+    mask = np.array([[term in right for term in terms] for right in allowed])
     return terms, None if mask.all() else mask
 
 
@@ -237,7 +237,7 @@ def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) ->
 
 @cache
 def _make_grammar() -> Lark:
-    from lark import Lark  # few models have a grammar to read
+    from lark import Lark  # an import that few models need
 
     return Lark(GRAMMAR, parser="lalr", start=["library", "known"], maybe_placeholders=True)
 
@@ -265,7 +265,7 @@ class _Sentence:
             depth += (character == "(") - (character == ")")
             if depth > DEEPEST:
                 raise self.fault(place, f"more than {DEEPEST} brackets within each other")
-        # bars in pairs, each of the length it had: else the grammar has two readings
+        # opening and closing brackets remove the ambiguity of bars; one character keeps positions
         text = re.sub(r"\|([^|]*)\|", r"⟦\1⟧", self.text)
         try:
             return _make_grammar().parse(text, start=self.kind)
@@ -304,7 +304,7 @@ class _Sentence:
         if terms > MOST_TERMS:
             raise self.fault(place or 0, f"{terms} terms are too many; at most {MOST_TERMS}")
 
-    def of_equations(self) -> Iterator[tuple[int, Sum]]:
+    def parse_equations(self) -> Iterator[tuple[int, Sum]]:
         """Yield the terms of a library for each of its equations."""
         scope, right = self.tree().children
         scoped = None if scope is None else [self.state(name) for name in scope.children]
@@ -385,8 +385,8 @@ class _Sentence:
             if sign is None and factor.data == "constant":
                 said = "a number is not understood here; it stands first, or behind * or /"
                 raise self.fault(factor.children[0], said)
-            by = self.divided if sign == "/" else self.factor
-            result = self.times(result, by(factor, equation, within, sign), sign)
+            convert = self.divided if sign == "/" else self.factor
+            result = self.times(result, convert(factor, equation, within, sign), sign)
         return result
 
     def divided(self, tree: Node, equation: int, within: bool, place: Token) -> Sum:
@@ -419,39 +419,39 @@ class _Sentence:
     def function(self, name: Token, argument: Node, equation: int) -> Sum:
         """Convert a function of a sum of states. name: with its bracket, or an opening bar."""
         kind = "abs" if name.type == "OPEN" else name.rstrip("(").rstrip()
-        own = self.combination(self.sum(argument, equation, within=True))
-        if own is None:
-            said = f"{kind} must be of a sum of states, such as {kind}(2 {self.states[0]})"
-            raise self.fault(name, said)
-        return self.applied(kind, own, name)
+        weights = self.combination(self.sum(argument, equation, within=True))
+        if weights is None:
+            wanted = f"must be of a sum of states, such as {kind}(2 {self.states[0]})"
+            raise self.fault(name, f"{kind} {wanted}")
+        return self.applied(kind, weights, name)
 
-    def applied(self, kind: str, own: Sequence[float], place: Token) -> Sum:
+    def applied(self, kind: str, weights: Sequence[float], place: Token) -> Sum:
         """Apply a function to a combination of states, as of `combination`."""
         try:
-            factor, made = make_function(kind, own[:-1], own[-1])
+            factor, function = make_function(kind, weights[:-1], weights[-1])
         except ValueError as error:
             raise self.fault(place, str(error)) from None
-        return {(*self.monomial(()), made): factor}
+        return {(*self.monomial(()), function): factor}
 
-    def combination(self, of: Sum) -> list[float] | None:
+    def combination(self, terms: Sum) -> list[float] | None:
         """Write a sum as weights of the states and a number; None if it is not affine."""
-        own = [0.0] * (len(self.states) + 1)
-        for term, value in of.items():
-            of_states, others = term[: len(self.states)], term[len(self.states) :]
-            if any(others) or sum(of_states) > 1:
+        weights = [0.0] * (len(self.states) + 1)
+        for term, value in terms.items():
+            exponents, others = term[: len(self.states)], term[len(self.states) :]
+            if any(others) or sum(exponents) > 1:
                 return None
-            own[of_states.index(1) if any(of_states) else -1] = value
-        return own if any(own[:-1]) else None
+            weights[exponents.index(1) if any(exponents) else -1] = value
+        return weights if any(weights[:-1]) else None
 
     def raised(self, tree: Node, equation: int, within: bool, below: Token | None = None) -> Sum:
         """Convert a power. below: the sign of a division by it."""
         base, number = tree.children
         sign, digits = number.children
-        by = self.divided if (sign == "-") != (below is not None) else self.factor
-        power, own = self.power(digits), by(base, equation, within, below or sign)
+        convert = self.divided if (sign == "-") != (below is not None) else self.factor
+        power, factor = self.power(digits), convert(base, equation, within, below or sign)
         result: Sum = {self.monomial(()): 1.0}
         for _ in range(power):
-            result = self.times(result, own, digits)
+            result = self.times(result, factor, digits)
         return result
 
     def power(self, digits: Token) -> int:
@@ -460,10 +460,10 @@ class _Sentence:
             raise self.fault(digits, said)
         return int(digits)
 
-    def inverse(self, of: Sum, place: Token) -> Sum:
-        if (own := self.combination(of)) is not None:
-            return self.applied("inverse", own, place)
-        (term, value), *others = of.items()
+    def inverse(self, terms: Sum, place: Token) -> Sum:
+        if (weights := self.combination(terms)) is not None:
+            return self.applied("inverse", weights, place)
+        (term, value), *others = terms.items()
         if others or has_functions(term):
             said = "only numbers, inputs, states and sums of states can be divided by"
             raise self.fault(place, said)

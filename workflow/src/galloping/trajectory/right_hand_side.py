@@ -50,9 +50,9 @@ class Tables:
 
         From (n_states, n_terms) to (n_states, n_monomials).
         """
-        found = np.zeros((len(coefficients), len(self.monomials)))
-        found[:, self.position] = coefficients
-        return found
+        expanded = np.zeros((len(coefficients), len(self.monomials)))
+        expanded[:, self.position] = coefficients
+        return expanded
 
     def jacobian(self, coefficients: np.ndarray) -> np.ndarray:
         """Return the coefficients of the Jacobian: each equation differentiated by each state.
@@ -60,10 +60,10 @@ class Tables:
         Returns (n_states, n_states, n_monomials). coefficients: (n_states, n_terms).
         """
         n_states, (monomial, state, lower) = len(coefficients), self.slopes.T
-        found = np.zeros((n_states, n_states, len(self.monomials)))
+        jacobian = np.zeros((n_states, n_states, len(self.monomials)))
         parts = self.on_monomials(coefficients)[:, monomial] * self.slope_factors
-        np.add.at(found, (slice(None), state, lower), parts)  # type: ignore[arg-type]
-        return found
+        np.add.at(jacobian, (slice(None), state, lower), parts)  # type: ignore[arg-type]
+        return jacobian
 
 
 @lru_cache(maxsize=64)
@@ -123,7 +123,7 @@ def _as_rows(rows: Iterator[tuple[int, int, int]]) -> np.ndarray:
 
 
 def _monomial_order(term: Exponents, n_signals: int) -> tuple:
-    """Return the sort key of a monomial: the degree, then the first signals first."""
+    """Return the sort key of a monomial: its degree, then its exponents, highest first."""
     exponents, functions = term[:n_signals], term[n_signals:]
     return sum(exponents) + len(functions), [-e for e in exponents], functions
 
@@ -141,7 +141,7 @@ def _split_last_factor(term: Exponents, n_states: int) -> tuple[int | Function, 
 
 
 def _list_needed(term: Exponents, n_states: int) -> Iterator[Exponents]:
-    """Yield the factors of a monomial, and functions that the series of its own need."""
+    """Yield a monomial without its last factor, and functions in derivatives of its functions."""
     if any(term):
         yield _split_last_factor(term, n_states)[1]
     exponents = [factor for factor in term if not isinstance(factor, Function)]

@@ -26,16 +26,15 @@ from galloping.trajectory.taylor import Ending, at_points, integrate, solve
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# m, far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system
-# in other units, such as mV, so it has where it is as many times as far as it began. Of a motion
-# whose size is known callers say how far is too far.
-DIVERGENCE_LIMIT, TIMES_THE_START = 1e3, 100.0
-# Of any system, of which nothing but the begin of a motion is known: times as far, it runs away.
-AWAY = 1e12
-# Samples that show a motion are no further apart than steps, and the longest motion without samples
-# is that of a span before it has settled: a model that needs more steps is far too fast.
+# A motion diverges at the larger of two distances from zero: DIVERGENCE_LIMIT, in m far beyond the
+# clearance of any span, and, for other units such as mV, START_FACTOR times the initial distance.
+# Callers that know the size of the motion state the distance.
+DIVERGENCE_LIMIT, START_FACTOR = 1e3, 100.0
+ESCAPE_FACTOR = 1e12  # the same ratio to the initial distance if only the start is known
+# A model that needs more steps is far too fast: samples that resolve a motion are as close as
+# steps, and the longest motion without samples is that of a span before it has settled.
 MAX_STEPS_PER_SAMPLE, MOST_STEPS_BETWEEN = 2, 2**16
-# Equal steps are as short as the shortest that the motion needs: so many times as many are taken.
+# Ratio of the numbers of equal steps and of adapted ones: equal steps are as short as the shortest.
 EQUAL_STEPS = 4
 
 
@@ -144,27 +143,27 @@ class Simulator:
         inputs: Mapping[str, Input | float],
         limit: float | None,
     ) -> Trajectory:
-        held = {name: one for name, one in inputs.items() if not isinstance(one, Input)}
-        if held:
-            model = model.at(held)
-            key = tuple(held)
+        constants = {name: one for name, one in inputs.items() if not isinstance(one, Input)}
+        if constants:
+            model = model.at(constants)
+            key = tuple(constants)
             if key not in self._at:
                 self._at[key] = Simulator(self.states, model.terms, inputs=model.inputs)
             others = {name: inputs[name] for name in model.inputs}
             return self._at[key](model, x0, time, others, limit)
-        own = [one for name in model.inputs if isinstance(one := inputs[name], Input)]  # all
-        step, most = min(self._step, first_step(own)), EQUAL_STEPS * max_steps(time)
+        measured = [one for name in model.inputs if isinstance(one := inputs[name], Input)]  # all
+        step, most = min(self._step, first_step(measured)), EQUAL_STEPS * max_steps(time)
         try:
-            states, _, self._step = solve_driven(model, own, x0, time, step, most)
+            states, _, self._step = solve_driven(model, measured, x0, time, step, most)
         except FloatingPointError as error:
             nowhere = np.empty((0, len(self.states)))
             return self._ended(time, nowhere, f"stopped: {error}")
         limit = _divergence_limit(x0) if limit is None else limit
         with np.errstate(over="ignore", invalid="ignore"):
-            far = ~(np.sum(states**2, axis=1) < limit**2)
-        if not far.any():
+            is_beyond = ~(np.sum(states**2, axis=1) < limit**2)
+        if not is_beyond.any():
             return Trajectory(time, states, "ok", self.states)
-        at = int(np.argmax(far))
+        at = int(np.argmax(is_beyond))
         why = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
         return self._ended(time, states[:at], why)
 
@@ -181,7 +180,7 @@ class Simulator:
 
 def _divergence_limit(x0: NDArray[np.float64]) -> float:
     """Compute the distance from zero beyond which a motion from x0 (n_states,) has diverged."""
-    return max(DIVERGENCE_LIMIT, TIMES_THE_START * float(np.linalg.norm(x0)))
+    return max(DIVERGENCE_LIMIT, START_FACTOR * float(np.linalg.norm(x0)))
 
 
 def escape_distance(x0: NDArray[np.float64]) -> float:
@@ -190,7 +189,7 @@ def escape_distance(x0: NDArray[np.float64]) -> float:
     x0: (n_states,) initial state. The distance for a start at zero is the same as for a start at
     one.
     """
-    return AWAY * (float(np.linalg.norm(x0)) or 1.0)
+    return ESCAPE_FACTOR * (float(np.linalg.norm(x0)) or 1.0)
 
 
 def max_steps(time: NDArray[np.float64]) -> int:
@@ -215,8 +214,8 @@ def check_inputs(
                 raise ValueError(f"inputs: {name}: not there at {time[~covered][0]:.6g} s")
             for term in compress(model.terms, model.has_term):
                 if term[model.names.index(name)] < 0 and one.has_zero(time):
-                    said = f"{term_name(term, model.names)} is not finite there"
-                    raise ValueError(f"inputs: {name}: 0; {said}")
+                    infinite = f"{term_name(term, model.names)} is not finite there"
+                    raise ValueError(f"inputs: {name}: 0; {infinite}")
         elif not isinstance(one, Real):
             raise ValueError(f"inputs: {name}: a {type(one).__name__}; must be Input or number")
     return {name: inputs[name] for name in model.inputs}
@@ -230,7 +229,7 @@ def time_grid(duration: float, sampling_rate: float) -> np.ndarray:
 # --- rates of motions that stick ---
 
 
-STILL = 1e-9  # of the greatest argument of a sign in a motion: what is less sticks, if it can
+STICKING = 1e-9  # of the greatest argument of a sign in a motion, below which it can stick
 
 
 def rates_along(
@@ -242,8 +241,8 @@ def rates_along(
     with inputs.
     """
     rates = model(states, driving)
-    held = sticking_projections(model, states, rates, driving)
-    return rates if held is None else np.einsum("nij,nj->ni", held, rates)
+    projections = sticking_projections(model, states, rates, driving)
+    return rates if projections is None else np.einsum("nij,nj->ni", projections, rates)
 
 
 def sticking_projections(
@@ -258,43 +257,44 @@ def sticking_projections(
     on the rates and their derivatives, by which an argument of a sign remains at its zero; None for
     a model without one.
     """
-    both, n, places = join_inputs(states, driving), len(model.states), len(model.names)
-    signs = [own for own in split_functions(model.terms)[0] if own.name == "sign"]
+    both, n, n_names = join_inputs(states, driving), len(model.states), len(model.names)
+    signs = [function for function in split_functions(model.terms)[0] if function.name == "sign"]
     if not signs:
         return None
-    weights = np.array([own.weights for own in signs])
-    arguments = np.abs(np.stack([own.argument(states) for own in signs], axis=1))
-    still = arguments <= STILL * arguments.max(axis=0)
-    of_signs = np.zeros((len(states), n, len(signs)))
-    for k, own in enumerate(signs):
-        has = [own in term[places:] for term in model.terms]
-        left = tuple(
-            tuple(factor for factor in term if factor is not own and factor != own)
-            for term in compress(model.terms, has)
+    weights = np.array([sign.weights for sign in signs])
+    values = np.stack([sign.argument(states) for sign in signs], axis=1)
+    is_still = np.abs(values) <= STICKING * np.abs(values).max(axis=0)
+    by_signs = np.zeros((len(states), n, len(signs)))  # derivatives of the rates
+    for k, sign in enumerate(signs):
+        has_sign = [sign in term[n_names:] for term in model.terms]
+        cofactors = tuple(
+            tuple(factor for factor in term if factor != sign)
+            for term in compress(model.terms, has_sign)
         )
-        of_signs[:, :, k] = design_matrix(both, left) @ model.coefficients[:, has].T
-    held = np.tile(np.eye(n), (len(states), 1, 1))
-    for row in np.flatnonzero(still.any(axis=1)):
-        own = still[row]
-        balance = weights[own] @ of_signs[row][:, own]
+        by_signs[:, :, k] = design_matrix(both, cofactors) @ model.coefficients[:, has_sign].T
+    projections = np.tile(np.eye(n), (len(states), 1, 1))
+    for row in np.flatnonzero(is_still.any(axis=1)):
+        stuck = is_still[row]
+        balance = weights[stuck] @ by_signs[row][:, stuck]
         if np.linalg.matrix_rank(balance) == len(balance):
-            change = np.linalg.solve(balance, weights[own])
-            sign = [np.sign(one.argument(states[row : row + 1])[0]) for one in compress(signs, own)]
-            if np.all(np.abs(sign - change @ rates[row]) <= 1.0):
-                held[row] -= of_signs[row][:, own] @ change
-    return held
+            change = np.linalg.solve(balance, weights[stuck])
+            at = states[row : row + 1]
+            side = [np.sign(sign.argument(at)[0]) for sign in compress(signs, stuck)]
+            if np.all(np.abs(side - change @ rates[row]) <= 1.0):
+                projections[row] -= by_signs[row][:, stuck] @ change
+    return projections
 
 
 # --- models with inputs: equal steps, halved until they are accurate ---
 
 
-# Degree of the polynomial that an input is over a step: a cubic spline is hardly more than that
-# over two of its samples.
+# Degree of the polynomial that replaces an input over a step. It suffices for two samples of a
+# cubic spline.
 DEGREE, SAMPLES_PER_STEP = 5, 2
 # Truncation of a step's Taylor series, relative to the size of each state.
 ACCURACY = 1e-10
-SETTLED = 5  # halvings of the step, through which a solution that diverges does so at one time
-FAR = 1e8  # times its size at first, from which a solution diverges
+HALVINGS = 5  # of the step, with one time of divergence, after which a solution diverges
+DIVERGENCE_FACTOR = 1e8  # ratio to its initial size, above which a solution diverges
 
 
 def first_step(inputs: Sequence[Input]) -> float:
@@ -309,7 +309,7 @@ def first_step(inputs: Sequence[Input]) -> float:
 
 
 @lru_cache(maxsize=2)  # of many models over the same times
-def _over_windows(
+def _fit_inputs(
     inputs: tuple[Input, ...], factors: tuple[Factor, ...], start: float, step: float, windows: int
 ) -> NDArray[np.float64]:
     return fit_windows(inputs, factors, start, step, windows, DEGREE)
@@ -328,38 +328,38 @@ def solve_driven(
 
     inputs: those of the model, in its order. start: (n_states,) at time[0]. time: (n,) s,
     increasing. step: s, the longest to try. most: steps. free: (n_free, 2) pairs (equation, term).
-    Returns states (n, n_states), beyond FAR times their initial size or not finite where they
-    diverge, and derivatives (n, n_states, n_free + n_states) by the free coefficients and the
-    start, without columns if `free` is None. Raises FloatingPointError if more than `most` steps
-    were needed.
+    Returns states (n, n_states), where they diverge not finite or beyond DIVERGENCE_FACTOR times
+    their initial size; and derivatives (n, n_states, n_free + n_states) by the free coefficients
+    and the start, without columns if `free` is None. Raises FloatingPointError if more than `most`
+    steps were needed.
     """
-    n_states, wanted = len(start), free is not None
-    if not wanted:  # nor are terms that are not there
+    n_states, sensitive = len(start), free is not None
+    if not sensitive:
         model = model.without_absent_terms()
     table = make_tables(model.terms, n_states)
-    columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
+    columns = np.asarray(free).reshape(-1, 2) if sensitive else np.empty((0, 2), int)
     compiled = compile_system(table, model.coefficients, columns)
     diverged, longest = None, step
     ends: list[tuple[float, float]] = []
-    far = FAR * _size_at_first(model, inputs, start, time)
+    limit = DIVERGENCE_FACTOR * _estimate_initial_size(model, inputs, start, time)
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
         place = (time - time[0]) / step
         window = np.minimum(place.astype(np.int64), windows - 1)
         powers, samples, row = at_points(compiled, window, place - window, windows, n_states)
         with np.errstate(all="ignore"):
-            found, slopes, _, _, truncation = integrate(
+            values, derivatives, _, _, truncation = integrate(
                 compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),
-                _over_windows(tuple(inputs), table.factors, time[0], step, windows), wanted,
+                _fit_inputs(tuple(inputs), table.factors, time[0], step, windows), sensitive,
                 samples,
             )  # fmt: skip
-            states, moved = found[window, :, row], slopes[window, :, row]
-            near = np.sum(states**2, axis=1) < far**2
-        if near.all() and truncation < ACCURACY:
-            return states, moved, step
-        diverged = None if near.all() else (states, moved, longest)
-        at = int(np.argmin(near))
-        ends = [] if near.all() else [*ends[1 - SETTLED :], (time[max(at - 1, 0)], time[at])]
-        if len(ends) == SETTLED and np.ptp(ends) <= 0.01 * (ends[-1][1] - time[0]):
+            states, slopes = values[window, :, row], derivatives[window, :, row]
+            is_bounded = np.sum(states**2, axis=1) < limit**2
+        if is_bounded.all() and truncation < ACCURACY:
+            return states, slopes, step
+        diverged = None if is_bounded.all() else (states, slopes, longest)
+        at = int(np.argmin(is_bounded))
+        ends = [] if is_bounded.all() else [*ends[1 - HALVINGS :], (time[max(at - 1, 0)], time[at])]
+        if len(ends) == HALVINGS and np.ptp(ends) <= 0.01 * (ends[-1][1] - time[0]):
             break
         step /= 2.0
     if diverged is not None:
@@ -367,7 +367,7 @@ def solve_driven(
     raise FloatingPointError(f"more than {most} integration steps")
 
 
-def _size_at_first(
+def _estimate_initial_size(
     model: PolynomialModel,
     inputs: Sequence[Input],
     start: NDArray[np.float64],
@@ -377,5 +377,5 @@ def _size_at_first(
     driving = np.sqrt([[np.nanmean(one.values**2) for one in inputs]])
     rates, jacobian = model(start[None], driving)[0], model.jacobian(start[None], driving)[0]
     fastest = np.max(np.abs(np.linalg.eigvals(jacobian)))
-    lasts = 1.0 / fastest if fastest > 0.0 else time[-1] - time[0]
-    return float(np.linalg.norm(start) + np.linalg.norm(rates) * lasts) or 1.0
+    duration = 1.0 / fastest if fastest > 0.0 else time[-1] - time[0]
+    return float(np.linalg.norm(start) + np.linalg.norm(rates) * duration) or 1.0
