@@ -250,7 +250,6 @@ def _assess_condition(
 
 
 def _add_cycle(cycles: list[Point], point: Point, size: np.ndarray) -> None:
-    """Append a limit cycle unless the list contains it already."""
     new = point.solution.half_range() / size
     others = [cycle.solution.half_range() / size for cycle in cycles]
     if all(np.max(np.abs(new - other)) > MIN_DISTANCE * np.max(new) for other in others):

@@ -20,8 +20,7 @@ from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_dra
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
-# Share of the drawn models with a limit cycle; fewer are a biased sample, of small motions.
-MIN_CYCLE_SHARE = 0.9
+MIN_CYCLE_SHARE = 0.9  # of the drawn models: fewer limit cycles are a biased sample
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
 BEYOND_RECORDED = 1.2  # times the recorded motion, above which a limit cycle is extrapolated
 ROUNDING = 1e-9  # of a damping ratio, and of an equilibrium, in sizes of the motion

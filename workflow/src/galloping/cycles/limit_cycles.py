@@ -28,8 +28,7 @@ PHASES = 256  # at which orbits are compared, a power of two
 STEPS, MOST_STEPS = 32, 2**14  # of the integration of a period, powers of two
 ACCURACY = 1e-13  # truncation of a step's Taylor series, relative to the size of each state
 STEP = 0.5  # longest step, of the orbit's size and of its period
-# Relative to the greatest state of an orbit: the amplitude below which a state is constant.
-CONSTANT = 1e-12
+CONSTANT = 1e-12  # amplitude of a constant state, relative to the greatest state of an orbit
 BRANCHING_STEP = 1e-2  # onto a branch that leaves an orbit, relative to the orbit
 MIN_HARMONIC = 1e-6  # relative to the strongest harmonic of an orbit
 VANISHED = 1e-3  # relative to the largest orbit of the branch: smaller ones are equilibria

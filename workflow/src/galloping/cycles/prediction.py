@@ -30,8 +30,7 @@ from galloping.trajectory.simulation import Simulator
 # Simulations that end near enough to a limit cycle for its correction.
 RECORDED, AHEAD = SPAN.during(2000.0, 200.0), SPAN.during(1500.0, 50.0)
 CORRECTED = 1e-4  # steps: the error is about the square of the last, far below the band
-# Shares of the change from one model to another, at which limit cycles are followed: at once, or in
-# steps.
+# Shares of a change of model at which limit cycles are followed: at once, or in steps.
 SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
 MIN_INTERVAL_DRAWS = DRAWS / 2  # from fewer drawn models with a result there is no interval
 CEILING = 5.0  # sizes of the recorded motion: larger orbits are extrapolated too far
