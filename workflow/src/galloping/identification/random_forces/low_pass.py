@@ -97,7 +97,9 @@ def _filter_channel(
     """Filter samples at `given_time` to `time`, every `step` s; NaN near gaps and ends."""
     grid = np.arange(given_time[0], given_time[-1] + given_step / 2.0, given_step)
     bridged, filtered = np.interp(grid, given_time, values), np.full(len(time), np.nan)
-    gaps = np.flatnonzero(np.diff(given_time) > max(INTERPOLATED_STEPS * given_step, BRIDGED * step))
+    gaps = np.flatnonzero(
+        np.diff(given_time) > max(INTERPOLATED_STEPS * given_step, BRIDGED * step)
+    )
     begins = np.append(given_time[gaps], given_time[-1])
     ends = np.append(given_time[gaps + 1], np.inf)
     first, last = time - REACH * step, time + REACH * step
