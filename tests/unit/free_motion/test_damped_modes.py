@@ -91,3 +91,11 @@ def test_an_envelope_tells_damping_against_amplitude():
         expected = 0.005 + 0.01 * np.interp(part.time, time, size)
         assert damping == pytest.approx(expected, abs=3.0 * error + 0.02 * expected)
         assert part.amplitude == pytest.approx(np.interp(part.time, time, size), rel=0.02)
+
+
+def test_poles_of_a_stretch_shorter_than_the_means_of_an_oscillation():
+    time = np.arange(400) / 100.0
+    short = stretch(time, noisy(np.exp(-0.1 * time) * np.cos(0.1 * time), 3, 0.001))
+    # the first guess of a period is 50 times as long as the recording
+    modes = fit_poles([short], np.array([pole(0.005, 0.0)]))
+    assert np.isfinite(modes.poles).all()

@@ -186,11 +186,13 @@ def _average_neighbours(stretches: Sequence[Stretch], count: int) -> list[Stretc
     averaged = []
     for one in stretches:
         n = len(one.time) // count
+        if n == 0:
+            return []
         time, values = one.time[: n * count], one.values[: n * count]
         time, means = time.reshape(n, count), values.reshape(n, count, -1).mean(axis=1)
         means[np.ptp(time, axis=1) > 1.5 * (count - 1) * one.step] = np.nan
         kept, given = (np.isfinite(each).sum(axis=0) for each in (means, one.values))
-        if n == 0 or np.any(kept * count < 0.9 * given):
+        if np.any(kept * count < 0.9 * given):
             return []
         averaged.append(Stretch(time.mean(axis=1), means, one.drift_degrees))
     return averaged
