@@ -212,6 +212,9 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "named_months_and_commas.csv": (lines(NAMED.replace(",", ";"), ";", ",",
         t=dated("%d-%b-%y %H:%M:%S.%f")), ()),
     "names_of_words.txt": (lines("  Time [s]   Vertical [m]   Horizontal [m]", "   "), ()),
+    "true_minus_signs.csv": (lines("t [s];v [m];w [m]", ";", ",").replace(
+        "-", "\N{MINUS SIGN}"), ()),
+    "units_in_a_comment.csv": ("# a test\n# units: s, m, m\n" + lines("t,v,w"), BY_NAME),
     "receiver.txt": ("% program: A\n" + table("%  GPST  v(m)  w(m)", STAMPS.astype(str), V, W,
         mark="  "), ("--time", "GPST", *measures("v", "w"))),
     "below_a_percent_sign.txt": ("% of MATLAB\n" + lines("% t v w", " "), PLAIN),

@@ -14,6 +14,7 @@ from galloping.readers.units import is_unit, split_header
 SEPARATORS = (";", "\t", ",", None)  # None is white space; a comma may be a decimal mark
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
+MINUS = "\N{MINUS SIGN}"  # as some locales of Europe write it
 COMMENTS = ("#", "%")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a number with a decimal comma
 INSTANT = re.compile(  # a date or a time of a day; any text without a separator may follow
@@ -26,6 +27,9 @@ MIN_DATA_ROWS = 3  # in succession: fewer may precede the header, such as number
 # First cells that say what a row above the numbers contains, and belong to no column.
 LABELS = {"name", "names", "channel", "channels", "kanal", "signal", "label", "sensor", "title"}
 UNITS_LABEL = re.compile(r"(?:[xy]_)?(?:unit|einheit)\w*\W*", re.IGNORECASE)
+UNITS_PREFIX = re.compile(  # in the first cell of a row, as in `# units: s, mm`
+    r"[#%\s]*(?:unit|einheit)\w*\s*[:=] *(?=[^\s,;])", re.IGNORECASE
+)
 LOGGER_UNITS = {"ts", "rn"}  # Campbell's units of time stamps and record numbers
 SHORT_TIME_UNITS = {"s", "ms", "us", "µs", "ns", "sec"}  # `min` may be a minimum
 REMARKS = {"comment", "comments", "remark", "kommentar", "bemerkung"}  # columns that may be empty
@@ -119,6 +123,8 @@ def split_cells(row: str, separator: str | None) -> list[str]:
 
 def _split_row(row: str, separator: str | None, columns: int) -> list[str]:
     """Split a row, if possible to one cell per column: behind a comment sign, or at wide blanks."""
+    if prefix := UNITS_PREFIX.match(row):
+        row = row[prefix.end() :]
     bare = row.lstrip("".join(COMMENTS))
     ways = [split_cells(bare, separator), split_cells(row.lstrip("#"), separator)]
     if separator is None:
@@ -187,6 +193,7 @@ def _find_decimal(cells: Iterable[str]) -> str:
 
 def _is_number(cell: str, decimal: str | None) -> bool:
     """Decide whether a cell is a number, with either decimal mark if None is given."""
+    cell = cell.replace(MINUS, "-")
     if INSTANT.fullmatch(cell) or (decimal in (None, ",") and DECIMAL_COMMA.fullmatch(cell)):
         return True
     try:

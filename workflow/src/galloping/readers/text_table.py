@@ -11,7 +11,14 @@ import numpy as np
 import pandas as pd
 
 from galloping.readers import FileError
-from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_POINT, Layout, find_layout, split_cells
+from galloping.readers.layout import (
+    DECIMAL_COMMA,
+    DECIMAL_POINT,
+    MINUS,
+    Layout,
+    find_layout,
+    split_cells,
+)
 from galloping.readers.units import split_header
 
 HEAD_BYTES = 65536  # from which the layout of a text table is determined
@@ -68,7 +75,8 @@ def read_text(
     content = []
     for k, (header, unit) in enumerate(zip(layout.header, layout.units, strict=True)):
         if header:
-            cells = _replace_decimal_commas(frame[k], header, layout)
+            plain = frame[k].replace(MINUS, "-", regex=True)
+            cells = _replace_decimal_commas(plain, header, layout)
             values, words = _replace_missing_words(cells, layout.decimal)
             content.append((header, values.to_numpy(), unit))
             notes += [
