@@ -158,6 +158,11 @@ def test_a_count_of_samples_keeps_the_gaps_of_a_camera(tmp_path):
     assert "39.96 s (25 Hz), 1 gap, of 1.24 s" in run("inspect", path, "--rate", 25)
 
 
+def test_a_range_far_from_zero_has_enough_digits(tmp_path):
+    path = written(tmp_path / "a.csv", table("t [s],vertical [m]", TIME[:1000], 1000.0 + 0.1 * V))
+    assert "999.9 m to 1000.1 m" in run("inspect", path)
+
+
 def test_a_name_has_one_line_that_prints():
     assert printable("a\n**ok**: b\x1b[31m\u202e c") == "a **ok**: b [31m c"
 

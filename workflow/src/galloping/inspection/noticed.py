@@ -27,9 +27,10 @@ def write_sentences(
     listed = set(of_model)
     names = dict.fromkeys(mode.name for mode in further if mode.name in listed)
     if names:
+        them = "them" if len(names) > 1 else "it"
         yield (
-            f"The recording also contains {', and '.join(names)}. The equations do not include it; "
-            "the table does."
+            f"The recording also contains {' and '.join(names)}. The equations do not include "
+            f"{them}; the table does."
         )
 
 

@@ -188,7 +188,9 @@ def _template(name: str) -> Template:
         "between_in_words": BETWEEN_IN_WORDS.get,
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
         "cells": lambda estimate: " | ".join(_cells(estimate)),
-        "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
+        "digits": lambda number, state="", count=3: (
+            f"{number:.{count}g} {plain_unit(state)}".strip()
+        ),
         "end": lambda kind: ENDS.get(kind.partition(":")[0], RUNS_AWAY),
         "escape": escape_markdown,
         "extent": extent_in_words,
@@ -197,6 +199,7 @@ def _template(name: str) -> Template:
         "meaning": meaning,
         "missed": _describe_errors,
         "name": _name,
+        "range_digits": lambda values, least=3: _range_digits(values["lowest"], values["highest"], least),
         "relative_error": lambda error, advice: relative_error_text(error, advice.coefficient),
         "said": _quantity_text,
         "sentence": lambda text: text[:1].upper() + text[1:],
@@ -257,10 +260,18 @@ def _at_place(numbers: Sequence[float], place: int) -> list[str]:
 
 
 def extent_in_words(motion: RecordedMotion) -> str:
-    """Format a recorded range as text of three significant digits, such as `-0.95 to 1.09 m`."""
+    """Format a recorded range as text of three or more digits, such as `-0.95 to 1.09 m`."""
     largest = float(f"{max(abs(motion.low), abs(motion.high)):.3g}")
-    place = floor(log10(largest)) - 2 if largest else 0
+    place = floor(log10(largest)) + 1 - _range_digits(motion.low, motion.high) if largest else 0
     return f"{' to '.join(_at_place((motion.low, motion.high), place))} {motion.unit}".rstrip()
+
+
+def _range_digits(low: float, high: float, least: int = 3) -> int:
+    """Count the significant digits in which the ends of a range differ, even far from zero."""
+    if not low < high:
+        return least
+    largest = max(abs(low), abs(high))
+    return max(floor(log10(largest)) - floor(log10(high - low)) + 2, least)
 
 
 def _quantity_text(quantity: Value, unit: str, factor: float = 1.0) -> str:
