@@ -194,6 +194,18 @@ def test_motion_is_free_unless_something_may_sustain_it():
         assert classify_motion([two_modes(seed)[0]]) is None
 
 
+@pytest.mark.parametrize("begin", [0.3, 2.0, 2.6])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_approach_of_a_limit_cycle_is_no_force_and_its_transient(begin, seed):
+    time = np.arange(2000) * 0.06
+    states = moved(
+        lambda _, x: [x[1], -4.0 * x[0] + 0.5 * np.tanh(0.8 * x[1]) - 0.22 * x[1]],
+        (begin, 0.0), time,
+    )  # fmt: skip
+    motion = classify_motion([sensed(time, noisy(states[:, 0], seed, 0.02))])
+    assert motion is None or not (motion.is_linear or motion.steady_modes)
+
+
 def test_two_coordinates_are_told_without_their_further_mode():
     time, states = np.arange(3000) / 50.0, ("a", "b", "da", "db")
     first, second = swing(time, 1.0, 0.01), swing(time, 1.4, 0.02)

@@ -199,7 +199,9 @@ def _template(name: str) -> Template:
         "meaning": meaning,
         "missed": _describe_errors,
         "name": _name,
-        "range_digits": lambda values, least=3: _range_digits(values["lowest"], values["highest"], least),
+        "range_digits": lambda values, least=3: _range_digits(
+            values["lowest"], values["highest"], least
+        ),
         "relative_error": lambda error, advice: relative_error_text(error, advice.coefficient),
         "said": _quantity_text,
         "sentence": lambda text: text[:1].upper() + text[1:],

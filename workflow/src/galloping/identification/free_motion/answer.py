@@ -107,7 +107,8 @@ def _linear_system_with_covariance(motion: FreeMotion) -> tuple[np.ndarray, np.n
     modes, n = motion.modes, len(motion.channels.pairs)
     places = list(motion.own_modes[:n])
     strengths = [
-        np.linalg.norm(modes.signal_to_noise(k)[places]) for k in range(len(motion.stretches))
+        np.linalg.norm(modes.standardised_amplitudes(k)[places])
+        for k in range(len(motion.stretches))
     ]
     index = int(np.argmax(strengths))
     covariance = modes.amplitude_covariance(motion.stretches[index], index, places)

@@ -94,12 +94,15 @@ class DampedModes:
         """Index of the first stretch in which a channel has enough samples for the fit."""
         return int(np.argmax(np.isfinite(self.noise).any(axis=1)))
 
-    def signal_to_noise(self, index: int) -> np.ndarray:
-        """Compute the amplitudes at the beginning of a stretch, in standard deviations of a sample.
+    def standardised_amplitudes(self, index: int) -> np.ndarray:
+        """Divide the amplitudes at the beginning of a stretch by the noise of a sample.
 
-        index: of the stretch. Returns (n_modes, n_channels), zero for channels without samples.
+        index: of the stretch. Returns (n_modes, n_channels) complex, zero for channels without
+        samples.
         """
-        return np.nan_to_num(np.abs(self.amplitudes[index]) / self.noise[index])
+        amplitudes, noise = self.amplitudes[index], self.noise[index]
+        is_known = np.isfinite(noise)
+        return np.divide(amplitudes, noise, out=np.zeros_like(amplitudes), where=is_known)
 
     def amplitude_covariance(
         self, stretch: Stretch, index: int, which: Sequence[int]

@@ -67,7 +67,7 @@ def fit_envelope(
 
 def strongest_channel(modes: DampedModes, index: int, place: int) -> int:
     """Find the channel in which a mode has the highest signal-to-noise ratio."""
-    return int(np.argmax(modes.signal_to_noise(index)[place]))
+    return int(np.argmax(np.abs(modes.standardised_amplitudes(index)[place])))
 
 
 def in_strongest_channel(

@@ -134,7 +134,11 @@ def _find_linear_events(
         if (events := find_events(stretches, start, floor)) is not None:
             order = linearity.resolved_modes(events.stretches, events.modes, is_noise=True)
             fit = events.stretches, events.modes, order
-            if linearity.has_linear_modes(*fit) and not linearity.may_be_single(*fit):
+            if (
+                linearity.has_linear_modes(*fit)
+                and not linearity.may_be_single(*fit)
+                and not linearity.has_changing_force(events.stretches, events.origins, events.modes)
+            ):
                 return events
     return None
 
@@ -257,7 +261,7 @@ def _describe_event(
     modes: DampedModes, k: int, elapsed: float, time: float, channels: Channels
 ) -> Finding:
     """Describe the event between stretches k - 1 and k, `elapsed` s after the first begins."""
-    place = int(np.argmax(modes.signal_to_noise(k).max(axis=1)))
+    place = int(np.argmax(np.abs(modes.standardised_amplitudes(k)).max(axis=1)))
     before = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
     after = modes.amplitudes[k]
     channel = strongest_channel(modes, k, place)

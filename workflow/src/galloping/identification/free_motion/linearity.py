@@ -18,7 +18,8 @@ from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, i
 MAX_STEADY_CHANGE, MIN_STEADY_PERIODS = 0.02, 20.0
 # A force causes a steady oscillation and a decaying one of the same frequency if the latter begins
 # with more than this share of the steady amplitude. A limit cycle is approached by a decay as well,
-# but a decay that begins so far from it is not exponential.
+# but from so far inside it the decay is not exponential. From outside it may be; it then has phase
+# and frequency of the steady oscillation.
 MIN_TRANSIENT = 0.5
 HARMONIC = 2  # harmonic that quadratic stiffness causes; cubic terms show at the main frequency
 MAX_HARMONIC = 5  # highest harmonic that is sought in a limit cycle
@@ -62,9 +63,17 @@ def _is_transient(
     if len(steady) != 1:
         return False
     (decaying,) = set(pair) - set(steady)
-    strengths = np.linalg.norm(modes.signal_to_noise(modes.first_fitted), axis=1)
-    is_large = strengths[decaying] > MIN_TRANSIENT * strengths[steady[0]]
-    return modes.poles[decaying].real < 0.0 and bool(is_large)
+    standardised = modes.standardised_amplitudes(modes.first_fitted)
+    begin, held = standardised[[decaying, *steady]]
+    if np.vdot(held, begin).real > 0.0 and _has_same_frequency(modes, decaying, steady[0]):
+        return False
+    is_large = np.linalg.norm(begin) > MIN_TRANSIENT * np.linalg.norm(held)
+    return bool(modes.poles[decaying].real < 0.0 and is_large)
+
+
+def _has_same_frequency(modes: DampedModes, k: int, j: int) -> bool:
+    error = np.linalg.norm(modes.frequency_errors[[k, j]])
+    return bool(abs(modes.poles[k].imag - modes.poles[j].imag) < SIGNIFICANT * error)
 
 
 def has_linear_modes(
@@ -92,6 +101,30 @@ def may_be_single(stretches: Sequence[Stretch], modes: DampedModes, order: Seque
         is_close(modes.poles[k], modes.poles[own[0]]) or _is_multiple(modes, k, own[0], HARMONIC)
         for k in own[1:]
     )
+
+
+def has_changing_force(
+    stretches: Sequence[Stretch], origins: Sequence[int], modes: DampedModes
+) -> bool:
+    """Decide whether a steady oscillation of a mode's own frequency changes its size at an event.
+
+    A force causes the same oscillation before and after an event. One that changes is a part of
+    nonlinear motion, such as that towards a limit cycle. origins: index of the recording that each
+    stretch comes from.
+    """
+    steady = np.array([is_steady(stretches, modes, k) for k in range(len(modes.poles))])
+    longest = max(one.duration for one in stretches)
+    for k in np.flatnonzero(steady):
+        if not any(_is_unresolved(modes, k, j, longest) for j in np.flatnonzero(~steady)):
+            continue
+        sizes = np.abs([each[k] for each in modes.amplitudes])
+        covariances = (modes.amplitude_covariance(s, n, [k]) for n, s in enumerate(stretches))
+        variances = np.array([np.diag(each)[2:].reshape(2, -1).sum(axis=0) for each in covariances])
+        limits = SIGNIFICANT * np.sqrt(variances[1:] + variances[:-1])
+        is_same = np.diff(origins) == 0
+        if np.any(np.abs(np.diff(sizes, axis=0))[is_same] > limits[is_same]):
+            return True
+    return False
 
 
 def is_cycle(modes: DampedModes, order: Sequence[int]) -> bool:
