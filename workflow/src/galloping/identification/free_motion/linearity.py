@@ -112,10 +112,11 @@ def has_changing_force(
     nonlinear motion, such as that towards a limit cycle. origins: index of the recording that each
     stretch comes from.
     """
-    steady = np.array([is_steady(stretches, modes, k) for k in range(len(modes.poles))])
+    every = range(len(modes.poles))
+    steady = [k for k in every if is_steady(stretches, modes, k)]
     longest = max(one.duration for one in stretches)
-    for k in np.flatnonzero(steady):
-        if not any(_is_unresolved(modes, k, j, longest) for j in np.flatnonzero(~steady)):
+    for k in steady:
+        if not any(_is_unresolved(modes, k, j, longest) for j in every if j not in steady):
             continue
         sizes = np.abs([each[k] for each in modes.amplitudes])
         covariances = (modes.amplitude_covariance(s, n, [k]) for n, s in enumerate(stretches))
