@@ -145,6 +145,15 @@ def test_rows_are_samples_at_a_rate(tmp_path):
     assert "time: is missing" in run("inspect", path, "--map", _without_rate(written_map), code=1)
 
 
+def test_a_rate_that_contradicts_the_times_is_refused(tmp_path):
+    path = written(tmp_path / "a.csv", table("time [s],vertical [m]", TIME[:1000], V))
+    said = run("inspect", path, "--rate", 25, code=1)
+    assert "column 'time' has a sample every 0.02 s, and the rate is 25 Hz" in said
+    assert "(50 Hz)" in run("inspect", path, "--rate", 50)
+    coarse = written(tmp_path / "b.csv", table("time [s],vertical [m]", np.floor(TIME[:1000]), V))
+    assert "(25 Hz)" in run("inspect", coarse, "--rate", 25)
+
+
 def _without_rate(path):
     lines = path.read_text().splitlines()
     path.write_text("\n".join(line for line in lines if not line.startswith("rate")))

@@ -8,14 +8,16 @@ import pandas as pd
 
 from galloping.identification.inputs import FEWEST
 from galloping.readers import FileError
+from galloping.readers.columns import is_time
 from galloping.readers.file_table import FileTable
 from galloping.readers.mapping import ColumnMapping, TimeColumn
-from galloping.readers.units import factor
+from galloping.readers.units import UnitError, factor
 
 DAYS = (
     "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
     "%d/%m/%y", "%y/%m/%d", "%y-%m-%d", "%d-%m-%y", "%m-%d-%y", "%d-%b-%Y", "%d-%b-%y", "%d %b %Y",
 )  # fmt: skip
+MAX_RATE_ERROR = 0.01  # share by which a nominal rate may differ from that of a clock
 UNDATED_YEAR = 1900  # year that times of day have; dates on a day that is unknown are earlier
 HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
 HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
@@ -110,6 +112,7 @@ def compute_seconds(
 def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.ndarray:
     """Compute the times of samples, s, at a rate, 1/s, by their count or by their rows."""
     if mapping.time is None:
+        _check_rate(table, rate)
         return np.arange(len(table.column(mapping.columns[0].column))) / rate
     name = mapping.time.column
     if unit := table.unit(name):
@@ -120,6 +123,27 @@ def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.nd
     for row in np.flatnonzero(np.isfinite(counts) & (counts != np.round(counts))):
         raise table.cell_error(int(row), name, "is no count of samples; leave out the rate")
     return counts / rate
+
+
+def _check_rate(table: FileTable, rate: float) -> None:
+    """Raise FileError if a column of times with a unit shows another rate than the given one.
+
+    Times of a coarse clock are not: several samples have the same one. Where times are rounded,
+    their mean step is right, and where samples are missing, their median step is.
+    """
+    for name in filter(is_time, table.columns):
+        try:
+            steps = np.diff(table.numbers(name) * factor(table.unit(name), wanted="s"))
+        except (FileError, UnitError):
+            continue
+        if len(steps) == 0 or not np.all(steps > 0.0):
+            continue
+        step = float(np.median(steps))
+        if min(abs(step * rate - 1.0), abs(steps.mean() * rate - 1.0)) > MAX_RATE_ERROR:
+            raise FileError(
+                f"{table.at(name)} has a sample every {step:.4g} s, and the rate is {rate:g} Hz; "
+                "leave out the rate, or the column"
+            )
 
 
 def sort_samples(
