@@ -180,7 +180,8 @@ fits, likely = galloping.weak_gls, galloping.maximum_likelihood
 REFUSED = """
 recording(time=["a"] * 200) | recording: time: text; must be real numbers
 recording(time=3) | recording: time: has shape (); must have shape (n,)
-recording(time=TIME[::-1]) | recording: {BAD_TIME}
+recording(time=TIME[::-1]) | recording: {BAD_TIME}; row 1 has
+recording(time=[0, 1, 1, 2]) | recording: {BAD_TIME}; row 2 has 1 after 1
 recording(time=[0, math.nan]) | recording: {BAD_TIME}
 recording(time=np.where(TIME[1] == TIME, NOT_A_TIME, DATES)) | recording: time: no time in row 1
 recording(values=VALUES * 1j) | recording: values: complex numbers; must be real numbers

@@ -110,8 +110,15 @@ def as_seconds(name: str, times: Any) -> Any:
 def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Convert two or more finite, strictly increasing times to floats; else raise ValueError."""
     array = as_floats(name, values, (None,))
-    if len(array) < 2 or not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0):
-        raise ValueError(f"{name}: must be finite, strictly increasing, two samples or more")
+    is_good = np.isfinite(array)
+    is_good[1:] &= ~(np.diff(array) <= 0.0)
+    if len(array) < 2 or not is_good.all():
+        where = ""
+        if not is_good.all():
+            row = int(np.argmin(is_good))
+            where = f"; row {row} has {array[row]:.16g}"
+            where += f" after {array[row - 1]:.16g}" if row else ""
+        raise ValueError(f"{name}: must be finite, strictly increasing, two samples or more{where}")
     return array
 
 
