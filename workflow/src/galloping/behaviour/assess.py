@@ -23,8 +23,8 @@ from galloping.behaviour.assessment import (
     SmallMotion,
 )
 from galloping.behaviour.dynamics import (
-    BEYOND_RECORDED,
-    ROUNDING,
+    EXTRAPOLATION_RATIO,
+    MIN_DAMPING_RATIO,
     Value,
     farthest_start,
     find_equilibrium,
@@ -46,12 +46,12 @@ from galloping.passes import passing
 from galloping.readers.units import is_span
 
 # Lengths are in sizes of the motion.
-DISTURBANCE = 1e-2  # from an equilibrium, at the start of a simulation
-SEARCH_RADIUS = 2.5  # from the middle of the motion, within which equilibria are searched for
-MIN_DISTANCE = 1e-2  # between different equilibria or limit cycles
-MAX_STARTS = 256  # of searches for an equilibrium
-MIN_SHARE = 1e-3  # smallest size of a coordinate, relative to the largest one
-CEILING = 10.0  # size beyond which limit cycles are not followed
+DISTURBANCE = 1e-2  # displacement from an equilibrium at the start of a simulation
+SEARCH_RADIUS = 2.5  # distance from the middle of the motion within which equilibria are sought
+MIN_DISTANCE = 1e-2  # smallest distance between different equilibria or limit cycles
+MAX_STARTS = 256  # number of initial guesses of an equilibrium, at most
+MIN_SIZE_RATIO = 1e-3  # smallest size of a coordinate, relative to the largest one
+MAX_CYCLE_SIZE = 10.0  # largest size of a limit cycle that is computed
 
 
 @one_thread
@@ -202,9 +202,9 @@ class _Ensemble:
         size = estimate_missing_sizes(size, model, middle)
         if is_span(model.states):
             for group in (velocities, _list_coordinates(model)):
-                size[group] = np.maximum(size[group], MIN_SHARE * size[group].max(initial=0.0))
+                size[group] = np.maximum(size[group], MIN_SIZE_RATIO * size[group].max(initial=0.0))
         else:  # its states may have any units
-            size = np.maximum(size, MIN_SHARE * np.abs(start - middle))
+            size = np.maximum(size, MIN_SIZE_RATIO * np.abs(start - middle))
         ends = [self.recorded.get(name, (0.0, 0.0)) for name in model.states]
         return middle, np.maximum(size, np.ptp(ends, axis=1) / 2.0)
 
@@ -221,11 +221,11 @@ def _assess_condition(
     motion = _settle_motion(model, recorded_start)
     middle, size = ensemble.compute_extent(model, motion)
     rests = find_equilibria(model, middle, size)
-    largest = CEILING * size  # the model is not valid for larger motions
+    largest = MAX_CYCLE_SIZE * size  # the model is not valid for larger motions
     for k, name in enumerate(model.states):
         low, high = ensemble.recorded.get(name, (0.0, 0.0))
         if high > low:
-            largest[k] = CEILING * (high - low) / 2.0
+            largest[k] = MAX_CYCLE_SIZE * (high - low) / 2.0
     cycles: list[Point] = []
     ends: list[str] = []
     for point in known:
@@ -306,7 +306,7 @@ def _follow_branches(
     size = float(np.linalg.norm(motion.half_range / family.sizes)) if is_cycle else np.inf
     settled = (middle, motion.time, motion.states) if is_cycle else None
     try:
-        branches = diagram(family, replace(span, ceiling=CEILING * size), rest, 0, settled)
+        branches = diagram(family, replace(span, ceiling=MAX_CYCLE_SIZE * size), rest, 0, settled)
     except ValueError as failure:
         return None, [f"along {family.parameter}: {failure}"]
     all_branches = (branches.equilibria, *branches.cycles.values())
@@ -439,7 +439,7 @@ def _damping_ratios(rates: np.ndarray) -> np.ndarray:
     """Compute damping ratios of eigenvalues (n,); zero for those that are zero up to rounding."""
     size = np.abs(rates)
     ratios = np.divide(-np.real(rates), size, out=np.zeros(np.shape(rates)), where=size > 0.0)
-    return np.where(np.abs(ratios) < ROUNDING, 0.0, ratios)
+    return np.where(np.abs(ratios) < MIN_DAMPING_RATIO, 0.0, ratios)
 
 
 def _describe_cycle(ensemble: _Ensemble, point: Point) -> Cycle:
@@ -448,7 +448,7 @@ def _describe_cycle(ensemble: _Ensemble, point: Point) -> Cycle:
     ends, half = cycle_intervals(drawn_orbits, len(states)), orbit.half_range()
     sizes = {states[i]: Value.of(half[i], ends[:, i]) for i in _list_coordinates(ensemble.model)}
     is_extrapolated = any(
-        sizes[name].value > BEYOND_RECORDED * (high - low) / 2.0
+        sizes[name].value > EXTRAPOLATION_RATIO * (high - low) / 2.0
         for name, (low, high) in ensemble.recorded.items()
         if name in sizes
     )

@@ -20,10 +20,11 @@ from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_dra
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
-MIN_CYCLE_SHARE = 0.9  # of the drawn models: fewer limit cycles are a biased sample
-DIFFERENCE = 1e-2  # of coefficients, in standard errors
-BEYOND_RECORDED = 1.2  # times the recorded motion, above which a limit cycle is extrapolated
-ROUNDING = 1e-9  # of a damping ratio, and of an equilibrium, in sizes of the motion
+MIN_CYCLE_SHARE = 0.9  # share of the drawn models with a limit cycle; fewer are a biased sample
+DIFFERENCE_STEP = 1e-2  # step of a coefficient in finite differences, in standard errors
+EXTRAPOLATION_RATIO = 1.2  # size of an extrapolated limit cycle, relative to the recorded motion
+EQUILIBRIUM_TOLERANCE = 1e-9  # error of an equilibrium, in sizes of the motion
+MIN_DAMPING_RATIO = 1e-9  # smallest damping ratio that is no rounding error
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,11 +121,11 @@ def find_equilibrium(
     solution = root(
         lambda x: model((x * sizes)[np.newaxis])[0] * time / sizes, start / sizes,
         jac=lambda x: model.jacobian((x * sizes)[np.newaxis])[0] * time * sizes / sizes[:, None],
-        tol=ROUNDING,
+        tol=EQUILIBRIUM_TOLERANCE,
     )  # fmt: skip
     # the solver reports no success if the start is an equilibrium
-    solution.success |= bool(np.max(np.abs(solution.fun)) < ROUNDING)
-    solution.x = np.where(np.abs(solution.x) < ROUNDING, 0.0, solution.x) * sizes
+    solution.success |= bool(np.max(np.abs(solution.fun)) < EQUILIBRIUM_TOLERANCE)
+    solution.x = np.where(np.abs(solution.x) < EQUILIBRIUM_TOLERANCE, 0.0, solution.x) * sizes
     return solution
 
 
@@ -212,7 +213,7 @@ def widen_zero_damping(
     model = identified.model
     velocity = velocity_pairs(model.states)[coordinate]
     term = linear_term(velocity, len(model.states))
-    if not abs(damping.value) < ROUNDING or term not in model.terms:
+    if not abs(damping.value) < MIN_DAMPING_RATIO or term not in model.terms:
         return damping
     limit = identified.detection_limits[velocity, model.terms.index(term)]
     half = float(limit / (4.0 * np.pi * frequency))
@@ -230,10 +231,10 @@ def _compute_free_dynamics(
     names = [identified.model.states[i] for i in pairs]
     rest, frequencies, damping = _name_values(names, best, ends)
     known = best[2][np.isfinite(best[2])]
-    if np.any(known < -ROUNDING):
+    if np.any(known < -MIN_DAMPING_RATIO):
         kind = "diverged"
     else:
-        kind = "cycle" if len(known) and np.all(known <= ROUNDING) else "rest"
+        kind = "cycle" if len(known) and np.all(known <= MIN_DAMPING_RATIO) else "rest"
     for mode in identified.further_modes:
         if mode.is_steady or not mode.frequency_error:  # steady components have no damping
             continue
@@ -264,8 +265,10 @@ def _propagate_covariance(
         return _linear_properties(replace(model, coefficients=coefficients), pairs, around)
 
     best = properties(np.zeros(len(errors)))
-    steps = DIFFERENCE * np.diag(np.where(is_known, 0.0, errors))
-    slopes = np.array([properties(step) - properties(-step) for step in steps]) / (2.0 * DIFFERENCE)
+    steps = DIFFERENCE_STEP * np.diag(np.where(is_known, 0.0, errors))
+    slopes = np.array([properties(step) - properties(-step) for step in steps]) / (
+        2.0 * DIFFERENCE_STEP
+    )
     correlation = identified.covariance / np.outer(errors, errors)
     deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
     slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])

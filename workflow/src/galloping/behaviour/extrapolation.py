@@ -33,10 +33,10 @@ from galloping.model.polynomial import (
 from galloping.passes import passing
 from galloping.recording.samples import Recording, mean_inputs, typical_inputs
 
-DEGREES = 2  # beyond that of the library: the next even and the next odd one
-PER_PERIOD = 20  # averaged samples in a period of the fastest motion
-MOST_TERMS = 250  # beyond the library, in all equations
-MIN_SHARE = 1e-12  # of the nonlinear part in an equation: less is rounding
+EXTRA_DEGREES = 2  # degrees beyond that of the library: the next even and the next odd one
+SAMPLES_PER_PERIOD = 20  # averaged samples in a period of the fastest motion
+MAX_EXTRA_TERMS = 250  # number of terms beyond the library in all equations, at most
+MIN_NONLINEAR_SHARE = 1e-12  # smallest nonlinear share of an equation: less is rounding
 
 
 def with_extrapolation(
@@ -124,9 +124,9 @@ def _list_further_terms(
     states: tuple[str, ...], degree: int, n_equations: int
 ) -> tuple[Exponents, ...]:
     """List monomials of the next degrees; if many, those of one coordinate and its velocity."""
-    library = polynomial_library(len(states), degree + DEGREES)
+    library = polynomial_library(len(states), degree + EXTRA_DEGREES)
     terms = [term for term in library if sum(term) > degree]
-    if len(terms) * n_equations > MOST_TERMS:
+    if len(terms) * n_equations > MAX_EXTRA_TERMS:
         pairs = [set(pair) for pair in velocity_pairs(states).items()]
         terms = [term for term in terms if any(set(np.flatnonzero(term)) <= pair for pair in pairs)]
     return tuple(terms)
@@ -207,7 +207,7 @@ class _Regression:
             raise FloatingPointError("the model diverges over the recording")
         steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
         fast = Pace.of(steady, self.rest).fast
-        length = max(round_down(fast / PER_PERIOD / recording.step), 1)
+        length = max(round_down(fast / SAMPLES_PER_PERIOD / recording.step), 1)
         blocks = len(time) // length
         residuals = (samples - motion)[: blocks * length].reshape(blocks, length, -1)
         counts = np.isfinite(residuals).sum(axis=1)
@@ -257,7 +257,7 @@ class _Regression:
         geometric series.
         """
         own, degrees = int(self.identified.support.sum()), np.array([*map(sum, self.terms)])
-        ratios = np.maximum(shares[list(self.equations), np.newaxis], MIN_SHARE)
+        ratios = np.maximum(shares[list(self.equations), np.newaxis], MIN_NONLINEAR_SHARE)
         prior = (ratios ** ((1 - degrees) / 2.0)).ravel() ** 2.0
         diagonal = np.diag(gram)[:-1]
         unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))

@@ -20,15 +20,15 @@ from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
 from galloping.trajectory.simulation import Simulator, rates_along
 
-# Gauss-Newton iterations of the fit of a start, from any guess and from a near one.
-ITERATIONS, ITERATIONS_NEAR = 4, 2
-CONVERGED = 1e-4  # expected decrease of chi^2 below which a step is the last
-STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # shares of the samples to which a start is fitted in turn
-STEP = 1e-5  # of finite differences of the start, relative to each state's size
-DIVERGENCE_FACTOR = 1e6  # ratio to the recorded motion above which a motion diverges
-# A first guess of a velocity is a slope over this share of the fastest period, and over at least
-# this number of samples.
-SLOPE_SHARE, MIN_SAMPLES = 1 / 4, 5
+MAX_ITERATIONS = 4  # Gauss-Newton steps of the fit of an initial state, at most
+MAX_REFINEMENTS = 2  # Gauss-Newton steps from a close guess of the initial state, at most
+CHI2_TOLERANCE = 1e-4  # smallest expected decrease of chi^2 for which another step follows
+STAGE_SHARES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # shares of the samples that are fitted in turn
+DIFFERENCE_STEP = 1e-5  # step of a state in finite differences, relative to the size of the state
+DIVERGENCE_FACTOR = 1e6  # size above which a motion diverges, relative to the recorded motion
+# A first guess of a velocity is the slope of a few samples.
+SLOPE_PERIODS = 1 / 4  # duration of these samples, in periods of the fastest motion
+MIN_SLOPE_SAMPLES = 5  # smallest number of these samples
 
 
 @dataclass(frozen=True)
@@ -224,9 +224,9 @@ class Following:
         time = self.recording.time[rows]
         weight = np.isfinite(values) * self.inverse_sigma
         target, start = np.nan_to_num(values), guess
-        for stage in STAGES if slopes is None else STAGES[-1:]:
+        for stage in STAGE_SHARES if slopes is None else STAGE_SHARES[-1:]:
             n = max(int(stage * len(time)), min(len(time), 2 * len(guess)))
-            for _ in range(ITERATIONS if slopes is None else ITERATIONS_NEAR):
+            for _ in range(MAX_ITERATIONS if slopes is None else MAX_REFINEMENTS):
                 motion = self.motion(model, start, time[:n])
                 if not np.isfinite(motion).all():
                     return None
@@ -240,7 +240,7 @@ class Following:
                 size = np.linalg.norm(design, axis=0) + np.finfo(float).tiny
                 step = np.linalg.lstsq(design / size, residuals, rcond=1e-12)[0]
                 start = start + step / size
-                if np.sum((design @ (step / size)) ** 2) < CONVERGED:
+                if np.sum((design @ (step / size)) ** 2) < CHI2_TOLERANCE:
                     break
         return start
 
@@ -249,7 +249,7 @@ class Following:
     ) -> np.ndarray:
         """Differentiate a simulated motion by its initial state: (n_states, n, n_sensed)."""
         size = np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0)
-        size = STEP * np.where(size > 0.0, size, size.max() or 1.0)
+        size = DIFFERENCE_STEP * np.where(size > 0.0, size, size.max() or 1.0)
         return np.array(
             [
                 (self.motion(model, start + size * unit, time) - motion) / size[k]
@@ -281,10 +281,10 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
         elif k in displacement:
             source = recording.values[:, displacement[k]]
             known = np.isfinite(source)
-            if np.count_nonzero(known) <= MIN_SAMPLES:
+            if np.count_nonzero(known) <= MIN_SLOPE_SAMPLES:
                 continue
             distance = np.abs(time[known] - time[begin])
-            nearest = np.partition(distance, MIN_SAMPLES)[MIN_SAMPLES]
-            is_near = distance <= max(SLOPE_SHARE / 2 * shortest_period([recording]), nearest)
+            nearest = np.partition(distance, MIN_SLOPE_SAMPLES)[MIN_SLOPE_SAMPLES]
+            is_near = distance <= max(SLOPE_PERIODS / 2 * shortest_period([recording]), nearest)
             guess[k] = np.polyfit(time[known][is_near] - time[begin], source[known][is_near], 1)[0]
     return guess

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
-from galloping.behaviour.following import MIN_SAMPLES, Following, Sensed, without_outliers
+from galloping.behaviour.following import MIN_SLOPE_SAMPLES, Following, Sensed, without_outliers
 from galloping.identification.drawn_models import draw_models
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
@@ -21,19 +21,20 @@ from galloping.recording.samples import INTERPOLATED_STEPS, Input, Recording
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# Draws of models and starts: the ends of a 90 % band then scatter by a tenth of its width.
+# Number of drawn models and starts: the ends of a 90 % band scatter by a tenth of its width.
 FORECAST_DRAWS = 100
-MAX_MISFIT = 1.3  # chi^2 per sample of a fit to the noise
-SHARES = (1.0, 0.5, 0.25)  # of the window, tried in turn if motions soon diverge from each other
-MIN_FOLLOWING_SHARE = 0.9  # of the draws
-# Earlier forecasts, which show the errors of an approximate model: their number, the parts of a
-# window over which errors are averaged, and their length in windows.
-ORIGINS, PARTS, WINDOWS = 8, 4, 5
-WIDER = "forecast_widened_"  # begins the name of a channel's factor in the diagnostics of a model
-USELESS = "that of what was held out of its recordings was worse than their mean"
-BY_CHANCE = 0.01  # probability that a correct band contains a smaller share of the samples
-MOST_SAMPLES = 4000  # to which a start is fitted: more add little over a few periods
-NOISE_ALONE = 3.0  # standard errors of the mean square of samples that are noise alone
+MAX_MISFIT = 1.3  # largest chi^2 per sample of a model that follows the recording
+WINDOW_SHARES = (1.0, 0.5, 0.25)  # shares of the window, tried in turn if motions soon diverge
+MIN_FOLLOWING_SHARE = 0.9  # smallest share of the draws that follow the recording
+# Earlier forecasts, which show the errors of an approximate model.
+N_ORIGINS = 8  # number of earlier forecasts
+PARTS_PER_WINDOW = 4  # number of parts of a window over which errors are averaged
+HORIZON_WINDOWS = 5  # duration of an earlier forecast, in windows
+WIDENING_PREFIX = "forecast_widened_"  # prefix of the diagnostic of a channel's factor
+NO_FORECAST_REASON = "that of what was held out of its recordings was worse than their mean"
+COVERAGE_QUANTILE = 0.01  # probability that a correct band contains a smaller share of the samples
+MAX_SAMPLES = 4000  # largest number of samples in a fit of an initial state
+MAX_NOISE_EXCESS = 3.0  # largest excess of a mean square over that of noise, in standard errors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,9 +118,11 @@ def forecast(
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
     sensed = Sensed.by(recording)
-    factors = np.array([identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names])
+    factors = np.array(
+        [identified.diagnostics.get(f"{WIDENING_PREFIX}{name}", 1.0) for name in sensed.names]
+    )
     if np.isinf(factors).any():
-        raise ValueError(f"the model gives no forecast: {USELESS}")
+        raise ValueError(f"the model gives no forecast: {NO_FORECAST_REASON}")
     recording = _extend_inputs(identified.model, without_outliers(recording), time, inputs)
     follow = Following(identified, recording)
     sigma = follow.sigma
@@ -133,7 +136,7 @@ def forecast(
         motions = _draw_motions(follow, time, window, np.inf, rng)
         errors = _compute_past_errors(follow, time - recording.time[-1], window)
     else:
-        for share in SHARES:
+        for share in WINDOW_SHARES:
             motions = _draw_motions(follow, time, share * window, MAX_MISFIT, rng)
             if len(motions) > MIN_FOLLOWING_SHARE * FORECAST_DRAWS:
                 break
@@ -153,7 +156,7 @@ def forecast(
     low, high = _compute_quantiles(samples, QUANTILES_90)
     bounded = samples[is_bounded]
     coverage = np.mean((bounded >= low) & (bounded <= high), axis=1)
-    chance = np.quantile(coverage, BY_CHANCE, axis=0)
+    chance = np.quantile(coverage, COVERAGE_QUANTILE, axis=0)
     ahead = Forecast(sensed.names, time, _compute_quantiles(motions, (0.5,))[0], low, high, chance)
     return ahead.widened(factors) if factors.max() > 1.0 else ahead
 
@@ -223,7 +226,7 @@ def score_forecast(
     for k in np.flatnonzero(held < ahead.chance):
         is_useless = skill[k] <= 0.0 and squares[k] > counts[k] * deviation[k] ** 2
         factors[k] = np.inf if is_useless else np.quantile(relative[known[:, k], k], 0.9)
-    by_chance = 1.0 + NOISE_ALONE * np.sqrt(2.0 / np.maximum(counts, 1))
+    by_chance = 1.0 + MAX_NOISE_EXCESS * np.sqrt(2.0 / np.maximum(counts, 1))
     is_noise = deviations_of(measured) < noise * np.sqrt(by_chance)
     return ScoredForecast(ahead, skill, missed, held, is_noise, factors)
 
@@ -242,7 +245,7 @@ def deviations_of(samples: np.ndarray) -> np.ndarray:
 def with_factors(identified: IdentifiedModel, trial: ScoredForecast) -> IdentifiedModel:
     """Add to the diagnostics of a model the factors by which its forecast bands are widened."""
     factors = {
-        f"{WIDER}{name}": float(factor)
+        f"{WIDENING_PREFIX}{name}": float(factor)
         for name, factor in zip(trial.forecast.names, trial.factors, strict=True)
         if factor != 1.0
     }
@@ -264,7 +267,7 @@ def _compute_quantiles(motions: np.ndarray, levels: Sequence[float]) -> np.ndarr
 def check_followed(identified: IdentifiedModel, recording: Recording, window: float) -> None:
     """Raise ValueError if a model does not fit the end of a recording within the noise.
 
-    The message is one line. The initial states of the model are fitted to ORIGINS windows of
+    The message is one line. The initial states of the model are fitted to N_ORIGINS windows of
     `window` s, within the last 5 times that length. An approximate model may err as much as on the
     recordings from which it was identified.
     """
@@ -278,10 +281,10 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
         allowed *= max(identified.chi2, 1.0)
     misfits = []
     last = max(time[-1] - window, time[0])
-    for begin in np.linspace(max(time[-1] - WINDOWS * window, time[0]), last, ORIGINS):
+    for begin in np.linspace(max(time[-1] - HORIZON_WINDOWS * window, time[0]), last, N_ORIGINS):
         rows = slice(*first_from(time, (begin, begin + window)))
         values = follow.samples[rows]
-        if np.isfinite(values[:, sigma > 0]).sum() < MIN_SAMPLES * len(sigma):
+        if np.isfinite(values[:, sigma > 0]).sum() < MIN_SLOPE_SAMPLES * len(sigma):
             continue
         start = follow.fit_start(rows)
         motion = None if start is None else follow.motion(identified.model, start, time[rows])
@@ -308,7 +311,7 @@ def _draw_motions(
     """
     best, recording, sigma = follow.identified.model, follow.recording, follow.sigma
     begin = int(first_from(recording.time, recording.time[-1] - window))
-    rows = slice(begin, None, 1 + (len(recording.time) - begin) // MOST_SAMPLES)
+    rows = slice(begin, None, 1 + (len(recording.time) - begin) // MAX_SAMPLES)
     sampled, values = recording.time[rows], follow.samples[rows]
     if len(sampled) < len(recording.states):
         raise ValueError(
@@ -339,18 +342,18 @@ def _compute_past_errors(follow: Following, ahead: np.ndarray, window: float) ->
     """Compute root mean square errors, (n, n_sensed), of forecasts from earlier windows.
 
     ahead: (n,) s, times of the forecast after the end of the recording. Noise is included. The
-    forecasts begin at ORIGINS times in the later half of the recording, and last WINDOWS windows or
-    a quarter of the recording. Their errors are averaged over each of PARTS parts of a window, and
-    made non-decreasing. Beyond, they grow with time, as phase errors do, up to the difference of
-    two unrelated motions of the channel.
+    forecasts begin at N_ORIGINS times in the later half of the recording, and last HORIZON_WINDOWS
+    windows or a quarter of the recording. Their errors are averaged over each of PARTS_PER_WINDOW
+    parts of a window, and made non-decreasing. Beyond, they grow with time, as phase errors do, up
+    to the difference of two unrelated motions of the channel.
     """
     time, values = follow.recording.time, follow.samples
     quarter = (time[-1] - time[0]) / 4
-    length = min(window, quarter) / PARTS
-    parts = round_down(min(WINDOWS * window, quarter) / length)
+    length = min(window, quarter) / PARTS_PER_WINDOW
+    parts = round_down(min(HORIZON_WINDOWS * window, quarter) / length)
     horizon = parts * length
     squares, counts = np.zeros((2, parts, values.shape[1]))
-    for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
+    for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, N_ORIGINS):
         begin, now, end = first_from(time, (origin - window, origin, origin + horizon))
         if now - begin < len(values[0]):
             continue  # the window falls into a gap

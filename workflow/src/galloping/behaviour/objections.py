@@ -25,16 +25,16 @@ from galloping.recording.samples import Recording
 # Without random forces, the motion of a stable line dies out. If it does not, it is forced (ambient
 # vibration, buffeting). If the recorded motion dies out and that of the model does not, the model
 # is not that of the line.
-LASTING = 1 / 3  # ratio of the last third of a motion to all of it, above which it does not decay
-OUTLASTS = 3.0  # ratio of the last thirds of a recorded and a simulated motion, or the inverse
-THIRDS = 3  # parts of a recording, which are compared
-LEAST_PERIODS = 15  # of a part
-# A difference counts if the common model misses more than RELEVANT of the motion, and more than
-# WORSE times as much as the models of the parts. Measured: the ratio is at most 1 for the thirds of
-# recordings in gusts of 5 %, and 5 for recordings whose winds differ by 4 %.
-RELEVANT, WORSE = 0.03, 2.0
-SIGNIFICANT = 3.5  # standard errors between two halves: 1 of 500 sets of four values by chance
-SHARE = "error_share_all_"  # begins the name of a diagnostic of approximate models, by channel
+MAX_DECAY_RATIO = 1 / 3  # size of the last third of a decaying motion, relative to all of it
+OUTLASTING_RATIO = 3.0  # size of the last third of a motion that outlasts another, relative to it
+N_PARTS = 3  # number of parts of a recording that are compared
+MIN_PERIODS = 15  # smallest length of a part, in periods
+# A difference counts if the errors of the common model exceed both limits. Measured: the ratio is
+# at most 1 for thirds of recordings in gusts of 5 %, and 5 if the winds differ by 4 %.
+MIN_ERROR_SHARE = 0.03  # error of the common model, relative to the motion
+MIN_ERROR_RATIO = 2.0  # error of the common model, relative to that of the models of the parts
+SIGNIFICANT_DIFFERENCE = 3.5  # of two halves, in standard errors: by chance 1 of 500 sets of 4
+ERROR_SHARE_PREFIX = "error_share_all_"  # prefix of a channel's diagnostic in approximate models
 
 Identify = Callable[[Sequence[Recording]], IdentifiedModel]
 
@@ -132,9 +132,9 @@ def _find_changes(
         return []
     if len(parts) == 1:
         (recording,), time = parts, parts[0].time
-        if np.ptp(time) < THIRDS * LEAST_PERIODS * period:
+        if np.ptp(time) < N_PARTS * MIN_PERIODS * period:
             return []
-        edges = first_from(time, np.linspace(time[0], time[-1], THIRDS + 1))
+        edges = first_from(time, np.linspace(time[0], time[-1], N_PARTS + 1))
         parts = [recording[a:b] for a, b in pairwise(edges)]
     difference = find_difference(identified, parts, identify)
     drifts = identified.has_finding(Code.DRIFTS, Code.RESIDUAL_DRIFTS)
@@ -154,9 +154,9 @@ def _find_changes_at_random(
 ) -> list[Finding]:
     """Find a frequency or damping that changes within a recording under random forces.
 
-    Its halves then differ by more than SIGNIFICANT standard errors.
+    Its halves then differ by more than SIGNIFICANT_DIFFERENCE standard errors.
     """
-    is_short = np.ptp(recording.time) < 2 * LEAST_PERIODS * period
+    is_short = np.ptp(recording.time) < 2 * MIN_PERIODS * period
     if identified.model.inputs or is_short or len(recording.time) < 2 * FEWEST:
         return []
     middle, model = len(recording.time) // 2, identified.model
@@ -175,7 +175,7 @@ def _find_changes_at_random(
         for name in (name for name in by_name if name in others):
             first, second = by_name[name], others[name]
             error = np.hypot(first.high - first.low, second.high - second.low) / (2.0 * NORMAL_95)
-            if abs(first.value - second.value) > SIGNIFICANT * error:
+            if abs(first.value - second.value) > SIGNIFICANT_DIFFERENCE * error:
                 values = {
                     f"first_{unit}": factor * first.value, f"second_{unit}": factor * second.value
                 }  # fmt: skip
@@ -199,7 +199,8 @@ def recording_outlasts_model(identified: IdentifiedModel, recordings: Sequence[R
     recordings: those of the identification, with an initial state of each in `initial_states`.
     """
     are_lasting = [
-        recorded.last > LASTING * recorded.whole and recorded.last > OUTLASTS * simulated.last
+        recorded.last > MAX_DECAY_RATIO * recorded.whole
+        and recorded.last > OUTLASTING_RATIO * simulated.last
         for recorded, simulated in _compare_sizes(identified, recordings)
     ]
     return bool(are_lasting) and all(are_lasting)
@@ -211,10 +212,10 @@ def outlives_recording(identified: IdentifiedModel, recordings: Sequence[Recordi
     A motion that diverges lasts too. recordings: as of `recording_outlasts_model`.
     """
     return any(
-        recorded.last < LASTING * recorded.whole
+        recorded.last < MAX_DECAY_RATIO * recorded.whole
         and not (
-            simulated.last <= LASTING * simulated.whole
-            or simulated.last <= OUTLASTS * recorded.last
+            simulated.last <= MAX_DECAY_RATIO * simulated.whole
+            or simulated.last <= OUTLASTING_RATIO * recorded.last
         )
         for recorded, simulated in _compare_sizes(identified, recordings)
     )
@@ -295,13 +296,16 @@ def find_difference(
     alone = [identify([part]) for part in parts]
     if any(each.status == "refused" for each in alone):
         return None
-    keys = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
+    keys = {
+        key for each in (together, *alone) for key in each.diagnostics if ERROR_SHARE_PREFIX in key
+    }
     differences = []
-    for key in sorted(keys) or [SHARE + together.model.states[0]]:
-        name, missed = key.removeprefix(SHARE), float(together.diagnostics.get(key, np.nan))
+    for key in sorted(keys) or [ERROR_SHARE_PREFIX + together.model.states[0]]:
+        name = key.removeprefix(ERROR_SHARE_PREFIX)
+        missed = float(together.diagnostics.get(key, np.nan))
         own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
-        if together.status == "refused" and own < RELEVANT:
+        if together.status == "refused" and own < MIN_ERROR_SHARE:
             differences.append(Difference(name, np.inf, own))
-        elif missed > max(RELEVANT, WORSE * own):
+        elif missed > max(MIN_ERROR_SHARE, MIN_ERROR_RATIO * own):
             differences.append(Difference(name, missed, own))
     return max(differences, key=lambda each: each.missed, default=None)

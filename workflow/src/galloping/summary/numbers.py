@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from galloping.behaviour.dynamics import ROUNDING, Dynamics, Surroundings, Value
+from galloping.behaviour.dynamics import MIN_DAMPING_RATIO, Dynamics, Surroundings, Value
 from galloping.behaviour.following import Sensed, without_outliers
 from galloping.cycles.settling import Pace
 from galloping.identification.identified_model import IdentifiedModel
@@ -230,7 +230,7 @@ def is_undamped(known: Dynamics) -> bool:
 
 def is_linearly_undamped(known: Dynamics) -> bool:
     """Decide whether the damping of all small motions is zero."""
-    return all(abs(value.value) < ROUNDING for value in known.damping.values())
+    return all(abs(value.value) < MIN_DAMPING_RATIO for value in known.damping.values())
 
 
 def is_damping_undetermined(found: IdentifiedModel, known: Dynamics) -> bool:
@@ -263,7 +263,9 @@ def _estimate_system(
 
 def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
     frequency, damping = known.frequencies[name], known.damping[name]
-    grows = damping.value < -ROUNDING and damping.high <= ROUNDING  # not if unknown
+    grows = (
+        damping.value < -MIN_DAMPING_RATIO and damping.high <= MIN_DAMPING_RATIO
+    )  # not if unknown
     return SmallMotionEstimates(
         name,
         Estimate.from_value(frequency, "Hz"),

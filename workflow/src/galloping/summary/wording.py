@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 
-from galloping.behaviour.dynamics import BEYOND_RECORDED, ROUNDING, Value
+from galloping.behaviour.dynamics import EXTRAPOLATION_RATIO, MIN_DAMPING_RATIO, Value
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
 from galloping.inspection.noticed import envelope_rows, write_sentences
@@ -287,7 +287,9 @@ def _quantity_text(quantity: Value, unit: str, factor: float = 1.0) -> str:
 def _damping_cells(damping: Estimate) -> str:
     """Format a net damping that may be zero, with the interval of undetected damping."""
     value, interval = _cells(damping)
-    return f"{value if abs(damping.value) >= 100.0 * ROUNDING else 'none found'} | {interval}"
+    return (
+        f"{value if abs(damping.value) >= 100.0 * MIN_DAMPING_RATIO else 'none found'} | {interval}"
+    )
 
 
 # --- words ---
@@ -313,9 +315,9 @@ def _describe_modes(
         "unsure": [
             state
             for state, value in damped.items()
-            if abs(value.value) < ROUNDING
+            if abs(value.value) < MIN_DAMPING_RATIO
             or isnan(value.low + value.high)
-            or value.low < -ROUNDING < ROUNDING < value.high
+            or value.low < -MIN_DAMPING_RATIO < MIN_DAMPING_RATIO < value.high
         ],
         "untold": any(isnan(value.low + value.high) for value in damped.values()),
         "growing": [
@@ -351,7 +353,7 @@ def _beyond_recorded(numbers: SummaryNumbers) -> list[str]:
     return [
         f"{value.value / half[name]:.2g} times the recorded {_name(name)} amplitude"
         for name, value in (numbers.system.limit_cycle if numbers.system else {}).items()
-        if half.get(name) and value.value > BEYOND_RECORDED * half[name]
+        if half.get(name) and value.value > EXTRAPOLATION_RATIO * half[name]
     ]
 
 
