@@ -10,7 +10,7 @@ from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import diagram
 from galloping.cycles.family import PARAMETERS, critical_wind, initial_state, line_family
 from galloping.cycles.limit_cycles import find_cycles_at
-from galloping.cycles.settling import SPAN, settle
+from galloping.cycles.settling import SPAN_WATCH, settle
 
 # half of the range over the last 1,000 of 4,000 s, v and w in m
 CHECKS = {
@@ -41,7 +41,7 @@ def stable_cycles(name, wind):
     ]
 
 
-def settled(name, wind, watch=SPAN):
+def settled(name, wind, watch=SPAN_WATCH):
     """What the line does in the end, released as it is configured."""
     model = line_family(CASES[name], "wind_speed").model(wind)
     return settle(simulator(), model, initial_state(CASES[name]), watch)
@@ -53,7 +53,7 @@ def test_stable_cycle_and_simulation_agree(name, wind):
     (cycle,) = [c for c in stable_cycles(name, wind) if c[0] < 4]
     if (name, wind) == ("internal_resonance", 8):  # 4,000 s are not enough to settle to the digits
         assert cycle == pytest.approx(
-            settled(name, wind, SPAN.during(16000.0)).half_range[:2], abs=1e-4
+            settled(name, wind, SPAN_WATCH.during(16000.0)).half_range[:2], abs=1e-4
         )
     else:
         assert cycle == pytest.approx(expected, abs=5.1e-4)

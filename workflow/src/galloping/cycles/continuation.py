@@ -17,11 +17,12 @@ from scipy.optimize import brentq
 
 from galloping.cycles.family import Family
 
-CORRECTIONS = 8
-CORRECTED = 1e-9  # length of the last correction, in steps
-FIRST_STEP, SMALLEST_STEP = 0.1, 1e-6  # of the longest
-MIN_COSINE = 0.9  # of the angle between the tangents of successive points
-CLOSED = 1e-3  # relative difference of period and size at which a branch has returned to its start
+MAX_CORRECTIONS = 8  # largest number of Newton corrections of a point
+CORRECTION_TOLERANCE = 1e-9  # largest length of the last correction, in steps
+FIRST_STEP = 0.1  # first step, relative to the longest one
+MIN_STEP = 1e-6  # shortest step, relative to the longest one
+MIN_COSINE = 0.9  # smallest cosine of the angle between the tangents of successive points
+CLOSURE_TOLERANCE = 1e-3  # of period and size of a branch that has returned to its start, relative
 BranchEnd = Enum("BranchEnd", "BOUND START CEILING EQUILIBRIUM PERIOD_DOUBLING INCOMPLETE")
 
 
@@ -176,7 +177,10 @@ class Range:
 
 
 def correct_guess(
-    problem: BranchProblem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
+    problem: BranchProblem,
+    guess: np.ndarray,
+    border: np.ndarray,
+    accuracy: float = CORRECTION_TOLERANCE,
 ) -> Equations:
     """Correct a predicted point of a branch by Newton steps, perpendicular to a direction.
 
@@ -184,7 +188,7 @@ def correct_guess(
     accuracy: length of the last correction, in steps. Raises NotConverged.
     """
     at, previous = problem.linearise(problem.unknowns(guess)), np.inf
-    for _ in range(CORRECTIONS):
+    for _ in range(MAX_CORRECTIONS):
         residual = np.append(at.residual, border @ (at.solution.vector - guess))
         try:
             change = np.linalg.solve(at.bordered(border), -residual)
@@ -197,7 +201,7 @@ def correct_guess(
         if size < accuracy:
             return at
         previous = size
-    raise NotConverged(f"no convergence in {CORRECTIONS} corrections (the last {size:.1e})")
+    raise NotConverged(f"no convergence in {MAX_CORRECTIONS} corrections (the last {size:.1e})")
 
 
 def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point:
@@ -238,7 +242,7 @@ def continue_branch(problem: BranchProblem, start: Point, span: Range) -> Branch
             point = _next_point(problem, last, step)
         except NotConverged as failure:
             step /= 2
-            if step < SMALLEST_STEP:
+            if step < MIN_STEP:
                 reason = f"continuation failed at {last.solution.value:.6g}: {failure}"
                 return make_branch(BranchEnd.INCOMPLETE, reason)
             continue
@@ -317,4 +321,6 @@ def _has_returned(start: Any, last: Any, now: Any) -> bool:
         return False
     share = (start.value - begin) / (end - begin)
     signature = last.signature + share * (now.signature - last.signature)
-    return bool(np.all(np.abs(signature - start.signature) <= CLOSED * np.abs(start.signature)))
+    return bool(
+        np.all(np.abs(signature - start.signature) <= CLOSURE_TOLERANCE * np.abs(start.signature))
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from galloping.line import galerkin
 from galloping.model.polynomial import PolynomialModel
 
-DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to about 1e-10
+DIFFERENCE_STEP = 1e-5  # step of central differences, in scales of the parameter: error about 1e-10
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Family:
 
         Shape (n_states, n_terms). scale: of the parameter.
         """
-        step = DIFFERENCE * scale
+        step = DIFFERENCE_STEP * scale
         above, below = (self.model(value + change).coefficients for change in (step, -step))
         return (above - below) / (2 * step)
 
@@ -46,8 +46,8 @@ def constant_family(model: PolynomialModel, sizes: np.ndarray | float = 1.0) -> 
 
 
 # every term the derivation can produce, so that the library never changes along a parameter
-_DERIVED = (exponents for _, exponents in galerkin.TERMS.values())
-LIBRARY = tuple(dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *_DERIVED]))
+_DERIVED_TERMS = (exponents for _, exponents in galerkin.TERMS.values())
+LIBRARY = tuple(dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *_DERIVED_TERMS]))
 
 
 @dataclass(frozen=True)

@@ -24,14 +24,15 @@ from galloping.trajectory.taylor import at_points, integrate
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
 PERIOD_DOUBLING, NEIMARK_SACKER = "period doubling", "Neimark-Sacker"
 
-PHASES = 256  # at which orbits are compared, a power of two
-STEPS, MOST_STEPS = 32, 2**14  # of the integration of a period, powers of two
-ACCURACY = 1e-13  # truncation of a step's Taylor series, relative to the size of each state
-STEP = 0.5  # longest step, of the orbit's size and of its period
-CONSTANT = 1e-12  # amplitude of a constant state, relative to the greatest state of an orbit
-BRANCHING_STEP = 1e-2  # onto a branch that leaves an orbit, relative to the orbit
-MIN_HARMONIC = 1e-6  # relative to the strongest harmonic of an orbit
-VANISHED = 1e-3  # relative to the largest orbit of the branch: smaller ones are equilibria
+PHASES = 256  # number of phases of an orbit at which orbits are compared, a power of two
+INITIAL_STEPS = 32  # first number of integration steps in a period, a power of two
+MAX_STEPS = 2**14  # largest number of integration steps in a period, a power of two
+TRUNCATION_TOLERANCE = 1e-13  # error of a step's Taylor series, relative to the size of each state
+MAX_STEP = 0.5  # longest continuation step, relative to the size and to the period of the orbit
+MIN_AMPLITUDE = 1e-12  # smallest amplitude of a moving state, relative to the greatest state
+BRANCHING_STEP = 1e-2  # first step onto another branch, relative to the size of the orbit
+MIN_HARMONIC = 1e-6  # smallest amplitude of a harmonic, relative to the strongest one of an orbit
+MIN_ORBIT_SIZE = 1e-3  # smallest size, relative to the largest of a branch: less is an equilibrium
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Orbit:
     states: np.ndarray
     period: float
     value: float
-    steps: int = STEPS
+    steps: int = INITIAL_STEPS
     sizes: np.ndarray | float = 1.0
 
     @cached_property
@@ -81,7 +82,7 @@ class Orbit:
         turns = self.at.derivative().roots(extrapolate=False)  # NaN for a constant state
         half = np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
         return np.where(
-            half > CONSTANT * self.sizes * np.abs(self.states / self.sizes).max(), half, 0.0
+            half > MIN_AMPLITUDE * self.sizes * np.abs(self.states / self.sizes).max(), half, 0.0
         )
 
     def compare_halves(self) -> np.ndarray:
@@ -170,8 +171,8 @@ class CycleProblem(continuation.BranchProblem):
     def metric(self) -> np.ndarray:
         """Weights (n,) of the squared components of a step, which define its length."""
         orbit = self.reference
-        states = self._of_states / (PHASES * (STEP * orbit.spread) ** 2)
-        return np.append(states, [(STEP * orbit.period) ** -2.0, self.resolution**-2.0])
+        states = self._of_states / (PHASES * (MAX_STEP * orbit.spread) ** 2)
+        return np.append(states, [(MAX_STEP * orbit.period) ** -2.0, self.resolution**-2.0])
 
     @cached_property
     def _of_states(self) -> np.ndarray:
@@ -205,11 +206,11 @@ class CycleProblem(continuation.BranchProblem):
             states, derivative, end, end_derivative, truncation = _integrate_period(
                 compiled, unknowns[:n], period, steps
             )
-            if truncation < ACCURACY:
+            if truncation < TRUNCATION_TOLERANCE:
                 break
             steps *= 2
-            if steps > MOST_STEPS:
-                raise continuation.NotConverged(f"{MOST_STEPS} steps do not resolve the orbit")
+            if steps > MAX_STEPS:
+                raise continuation.NotConverged(f"{MAX_STEPS} steps do not resolve the orbit")
         orbit = Orbit(states, period, value, steps, self.family.sizes)
         derivative = derivative[:: len(states) // PHASES] @ to_unknowns
         end_derivative = end_derivative @ to_unknowns
@@ -257,7 +258,7 @@ class CycleProblem(continuation.BranchProblem):
             return BranchEnd.CEILING, f"grew beyond {self.ceiling:g}"
         if np.sum(orbit.compare_halves() * self.reference.compare_halves()) < 0:
             return BranchEnd.PERIOD_DOUBLING, "ended at a period doubling"
-        if orbit.spread < VANISHED * self.largest:
+        if orbit.spread < MIN_ORBIT_SIZE * self.largest:
             return BranchEnd.EQUILIBRIUM, "ended at an equilibrium"
         return None
 
@@ -318,7 +319,7 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
     # the second null vector of the equations, perpendicular to the tangent
     *_, right = np.linalg.svd(linearised.bordered(problem.metric * tangent))
     direction = linearised.derivative @ right[-1]
-    direction *= BRANCHING_STEP / (STEP * problem.length(direction))
+    direction *= BRANCHING_STEP / (MAX_STEP * problem.length(direction))
     branches = []
     for away in (direction,) if doubled else (direction, -direction):
         start = continuation.first_point(problem, orbit.vector + away, problem.metric * away)

@@ -19,7 +19,7 @@ from galloping.cycles import limit_cycles
 from galloping.cycles.continuation import NotConverged, Range, correct_guess
 from galloping.cycles.family import Family, constant_family
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
-from galloping.cycles.settling import SPAN, settle
+from galloping.cycles.settling import SPAN_WATCH, settle
 from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.intervals import DRAWS, draw_normal, interval_of_draws
@@ -28,12 +28,13 @@ from galloping.passes import passing
 from galloping.trajectory.simulation import Simulator
 
 # Simulations that end near enough to a limit cycle for its correction.
-RECORDED, AHEAD = SPAN.during(2000.0, 200.0), SPAN.during(1500.0, 50.0)
-CORRECTED = 1e-4  # steps: the error is about the square of the last, far below the band
+RECORDED_WATCH = SPAN_WATCH.during(2000.0, 200.0)  # in the recorded wind
+PREDICTED_WATCH = SPAN_WATCH.during(1500.0, 50.0)  # in a predicted wind
+CORRECTION_TOLERANCE = 1e-4  # length of the last correction, in steps: the error is its square
 # Shares of a change of model at which limit cycles are followed: at once, or in steps.
-SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
-MIN_INTERVAL_DRAWS = DRAWS / 2  # from fewer drawn models with a result there is no interval
-CEILING = 5.0  # sizes of the recorded motion: larger orbits are extrapolated too far
+CHANGE_SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
+MIN_INTERVAL_DRAWS = DRAWS / 2  # smallest number of drawn models with a result that has an interval
+MAX_CYCLE_SIZE = 5.0  # largest size of an orbit, in sizes of the recorded motion
 
 
 @dataclass(frozen=True)
@@ -203,14 +204,14 @@ def predict(
     draws: of `draw_splits`, for the band.
     """
     prediction, missing = Prediction.nothing(winds, len(parts.states)), []
-    motion = settle(simulator, parts.model(recorded), start, RECORDED)
+    motion = settle(simulator, parts.model(recorded), start, RECORDED_WATCH)
     if motion.kind != "cycle":
         reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
         return replace(prediction, reason=reason)
     family = parts.family()
     span = Range(
         min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5, longest=1.0,
-        ceiling=CEILING * np.sqrt(np.sum(np.var(motion.states, axis=0))),
+        ceiling=MAX_CYCLE_SIZE * np.sqrt(np.sum(np.var(motion.states, axis=0))),
     )  # fmt: skip
     try:
         branches = limit_cycles.from_motion(family, recorded, motion.time, motion.states, span)
@@ -283,7 +284,7 @@ def find_nearby_cycles(
         if best is not None:
             change = model.coefficients - best.coefficients
             paths = [[replace(best, coefficients=best.coefficients + share * change)
-                      for share in shares] for shares in SHARES]  # fmt: skip
+                      for share in shares] for shares in CHANGE_SHARES]  # fmt: skip
         for path in paths:
             if (cycle := _follow_models(path, orbit)) is not None:
                 cycles.append(cycle)
@@ -298,8 +299,8 @@ def _follow_models(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | N
         for model in models:
             problem = CycleProblem.about(constant_family(model, orbit.sizes), last, resolution=1.0)
             border = problem.along_parameter()
-            last = correct_guess(problem, last.vector, border, CORRECTED).solution
-        if last.spread > limit_cycles.VANISHED * orbit.spread:
+            last = correct_guess(problem, last.vector, border, CORRECTION_TOLERANCE).solution
+        if last.spread > limit_cycles.MIN_ORBIT_SIZE * orbit.spread:
             return last
     return None
 
@@ -318,7 +319,7 @@ def limit_cycle_ahead(
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
     best = identified.model.without_absent_terms()
-    motion = settle(Simulator(best.states, best.terms), best, start, AHEAD)
+    motion = settle(Simulator(best.states, best.terms), best, start, PREDICTED_WATCH)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
     point = limit_cycles.cycle_from_motion(

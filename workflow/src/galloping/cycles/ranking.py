@@ -15,9 +15,9 @@ from galloping.model.intervals import interval_of_draws
 from galloping.model.polynomial import linear_term
 from galloping.trajectory.simulation import Simulator
 
-# Points of the outline of a motion. With 256, the clearance of an irregular motion was 0.1 to 0.2 m
-# too large.
-OUTLINE = 2000
+# Number of points of the outline of a motion. With 256, the clearance of an irregular motion was
+# 0.1 to 0.2 m too large.
+OUTLINE_POINTS = 2000
 DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 
@@ -167,8 +167,8 @@ def outline(motion: Settled) -> np.ndarray:
     They are places (w, v), (n, 2): successive samples of a limit cycle, whose periods are equal;
     otherwise samples from the whole window.
     """
-    stride = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE)
-    return places(motion.states[::stride][:OUTLINE])
+    stride = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE_POINTS)
+    return places(motion.states[::stride][:OUTLINE_POINTS])
 
 
 def places(states: np.ndarray) -> np.ndarray:

@@ -16,14 +16,15 @@ from galloping.cycles.family import critical_wind, initial_state, line_family, l
 from galloping.cycles.limit_cycles import Orbit
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import outline
-from galloping.cycles.settling import SPAN, Settled, Watch, settle
+from galloping.cycles.settling import SPAN_WATCH, Settled, Watch, settle
 from galloping.line.galerkin import STATES, Line, make_line_and_modes
 from galloping.line.measures import clearance, design_ellipses, envelope
 from galloping.trajectory.simulation import Simulator
 
 SIMULATION = "simulation"
-LONG = SPAN.during(16000.0)  # near a bifurcation, amplitudes after 4,000 s err by a third of 1 %
-CEILING = 2.0  # sags: the equations do not describe a larger orbit of a line
+# Duration near a bifurcation, where amplitudes after 4,000 s err by a third of 1 %.
+LONG_WATCH = SPAN_WATCH.during(16000.0)
+MAX_CYCLE_SIZE = 2.0  # largest size of an orbit, in sags: the equations describe no larger one
 
 
 def line_diagram(
@@ -36,7 +37,7 @@ def line_diagram(
     ValueError for a parameter that cannot be varied.
     """
     family = line_family(case, name)
-    span = Range(low, high, ceiling=CEILING * Line.from_case(case).sag)
+    span = Range(low, high, ceiling=MAX_CYCLE_SIZE * Line.from_case(case).sag)
     along = diagram(family, span, np.zeros(len(STATES)))
     if along.cycles or along.failures:
         return along
@@ -52,7 +53,7 @@ def line_diagram(
     return diagram(family, span, np.zeros(len(STATES)), motion=motion)
 
 
-def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN) -> Settled:
+def settled_line(case: Mapping, simulator: Simulator, watch: Watch = SPAN_WATCH) -> Settled:
     """Simulate an overhead line from its initial state until its motion has settled."""
     return settle(simulator, line_model(case), np.array(initial_state(case)), watch)
 
@@ -235,7 +236,7 @@ def simulate_true_amplitudes(
     Final half ranges (v, w), (n_winds, 2); NaN without a limit cycle.
     """
     at = parameter("wind_speed").at
-    motions = [settled_line(at(case, wind), simulator, LONG) for wind in winds]
+    motions = [settled_line(at(case, wind), simulator, LONG_WATCH) for wind in winds]
     return np.array(
         [m.half_range[:2] if m.kind == "cycle" else np.full(2, np.nan) for m in motions]
     )

@@ -8,7 +8,7 @@ import numpy as np
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.trajectory.simulation import Simulator
 
-STEADY = 0.01  # relative spread over the pieces up to which a motion is a limit cycle
+SPREAD_TOLERANCE = 0.01  # spread of the sizes of the pieces of a limit cycle, relative
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Watch:
         return replace(self, duration=duration, window=window or self.window)
 
 
-# A span in SI units: it moves at 0.1 to 2 Hz, and a motion of a millimetre has died out.
-SPAN = Watch(duration=4000.0, window=1000.0, piece=50.0, rate=20.0, rest=1e-3)
+# Of a span in SI units, which moves at 0.1 to 2 Hz. A motion of a millimetre has died out.
+SPAN_WATCH = Watch(duration=4000.0, window=1000.0, piece=50.0, rate=20.0, rest=1e-3)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Settled:
 
 
 def settle(
-    simulator: Simulator, model: PolynomialModel, x0: np.ndarray, watch: Watch = SPAN
+    simulator: Simulator, model: PolynomialModel, x0: np.ndarray, watch: Watch = SPAN_WATCH
 ) -> Settled:
     """Simulate a model from an initial state and classify the end of its motion.
 
@@ -75,7 +75,7 @@ def _judge_window(time: np.ndarray, states: np.ndarray, status: str, watch: Watc
         kind = status
     elif np.all(highest < watch.rest):
         kind = "rest"
-    elif np.all((highest - lowest) / watch.rest <= STEADY * np.max(highest / watch.rest)):
+    elif np.all((highest - lowest) / watch.rest <= SPREAD_TOLERANCE * np.max(highest / watch.rest)):
         kind = "cycle"
     else:
         kind = "irregular"
@@ -132,15 +132,17 @@ def estimate_missing_sizes(
     return sizes
 
 
-# Length of a window and of its pieces, in periods of the slowest motion. The first TRANSIENT
-# windows are a transient. A motion that has not settled after them is followed as long as its size
-# only grows or only falls, for MOST_WINDOWS windows at most.
-WINDOW, PIECE, TRANSIENT, MOST_WINDOWS = 80, 20, 9, 50
-PER_PERIOD, MOST_SAMPLES = 50, 100_000  # samples of the fastest motion, and of a window
-# Relative to the size of the motion at its start or in the recording. A motion below DIED_OUT has
-# died out, unless it grows and is above ROUNDING, the size of rounding errors. A motion above LARGE
-# diverges if its simulation ends early. Above FAR_AWAY, any simulation ends.
-DIED_OUT, ROUNDING, LARGE, FAR_AWAY = 1e-3, 1e-9, 1e3, 1e6
+WINDOW_PERIODS = 80  # length of a window, in periods of the slowest motion
+PIECE_PERIODS = 20  # length of a piece of a window, in periods of the slowest motion
+TRANSIENT_WINDOWS = 9  # number of the first windows, which are a transient
+MAX_WINDOWS = 50  # largest number of windows if the size of the motion only grows or only falls
+SAMPLES_PER_PERIOD = 50  # samples in a period of the fastest motion
+MAX_WINDOW_SAMPLES = 100_000  # largest number of samples in a window
+# Sizes of a motion, relative to its size at the start or in the recording.
+MIN_SIZE = 1e-3  # smallest size of a motion that has not died out, unless it grows
+ROUNDING_SIZE = 1e-9  # largest size of rounding errors, which are no growing motion
+DIVERGENCE_SIZE = 1e3  # size above which a motion diverges if its simulation ends early
+MAX_SIZE = 1e6  # size above which any simulation ends
 
 
 def settle_in_periods(
@@ -157,30 +159,32 @@ def settle_in_periods(
     size varies up and down, returns the first window after a transient. If it still changes after
     4,000 periods, returns the last window.
     """
-    window = WINDOW * pace.slow
-    rate = min(PER_PERIOD / pace.fast, MOST_SAMPLES / window)
+    window = WINDOW_PERIODS * pace.slow
+    rate = min(SAMPLES_PER_PERIOD / pace.fast, MAX_WINDOW_SAMPLES / window)
     count = round(window * rate)
     state = np.asarray(x0, float)
     begin = estimate_missing_sizes(np.maximum(sizes, np.abs(state)), model, state)
-    limit, extents = FAR_AWAY * float(np.linalg.norm(begin)), []
-    for number in range(MOST_WINDOWS):
+    limit, extents = MAX_SIZE * float(np.linalg.norm(begin)), []
+    for number in range(MAX_WINDOWS):
         trajectory = simulator(model, state, np.arange(count + 1) / rate, limit=limit)
         states, status = trajectory.states[1:], trajectory.status
-        if np.any(np.nan_to_num(np.abs(states)) > LARGE * begin) and status != "ok":
+        if np.any(np.nan_to_num(np.abs(states)) > DIVERGENCE_SIZE * begin) and status != "ok":
             status = "diverged"
-        pieces = np.array_split(states, WINDOW // PIECE)
+        pieces = np.array_split(states, WINDOW_PERIODS // PIECE_PERIODS)
         first, last = (np.ptp(piece, axis=0) / 2.0 for piece in (pieces[0], pieces[-1]))
         if number == 0:  # the start included, since dry friction may stop the motion at once
             half_range = np.ptp(trajectory.states[: len(pieces[0]) + 1], axis=0) / 2.0
             size = np.maximum(sizes, np.nan_to_num(half_range)) + np.finfo(float).tiny
-        watch = Watch(window, window, PIECE * pace.slow, rate, DIED_OUT * size)
+        watch = Watch(window, window, PIECE_PERIODS * pace.slow, rate, MIN_SIZE * size)
         motion = _judge_window(trajectory.time[1:], states, status, watch)
-        is_growing = bool(np.any(last > np.maximum((1.0 + STEADY) * first, ROUNDING * size)))
-        is_settled = motion.kind == "cycle" and number >= TRANSIENT
+        is_growing = bool(
+            np.any(last > np.maximum((1.0 + SPREAD_TOLERANCE) * first, ROUNDING_SIZE * size))
+        )
+        is_settled = motion.kind == "cycle" and number >= TRANSIENT_WINDOWS
         if motion.kind == "rest" and is_growing:
             motion = replace(motion, kind="irregular")
         extents.append(float(np.linalg.norm(motion.half_range / size)))
-        is_fluctuating = number >= TRANSIENT and np.prod(np.diff(extents[-3:])) <= 0.0
+        is_fluctuating = number >= TRANSIENT_WINDOWS and np.prod(np.diff(extents[-3:])) <= 0.0
         if is_settled or is_fluctuating or motion.kind not in ("cycle", "irregular"):
             return motion
         state = states[-1]
