@@ -9,7 +9,7 @@ from galloping.model.polynomial import PolynomialModel, design_matrix, join_inpu
 from galloping.recording.measurement import Motion, Noise
 from galloping.recording.samples import Input, inputs_at_times
 from galloping.trajectory.simulation import (
-    EQUAL_STEPS,
+    EQUAL_STEP_RATIO,
     check_inputs,
     first_step,
     max_steps,
@@ -39,7 +39,7 @@ def sensitivities(
     if model.inputs:
         checked = check_inputs(model, inputs or {}, time)
         measured = [one for one in checked.values() if isinstance(one, Input)]  # all are
-        step, most = first_step(measured), EQUAL_STEPS * max_steps(time)
+        step, most = first_step(measured), EQUAL_STEP_RATIO * max_steps(time)
         try:
             states, slopes, _ = solve_driven(model, measured, start, time, step, most, free)
         except FloatingPointError:

@@ -26,16 +26,17 @@ from galloping.trajectory.taylor import Ending, at_points, integrate, solve
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# A motion diverges at the larger of two distances from zero: DIVERGENCE_LIMIT, in m far beyond the
-# clearance of any span, and, for other units such as mV, START_FACTOR times the initial distance.
-# Callers that know the size of the motion state the distance.
-DIVERGENCE_LIMIT, START_FACTOR = 1e3, 100.0
-ESCAPE_FACTOR = 1e12  # the same ratio to the initial distance if only the start is known
+# A motion diverges at the larger of two distances from zero, unless the caller, who may know the
+# size of the motion, gives the distance.
+DIVERGENCE_LIMIT = 1e3  # distance, in m far beyond the clearance of any span
+START_FACTOR = 100.0  # distance for other units such as mV, relative to the initial one
+ESCAPE_FACTOR = 1e12  # distance if only the start is known, relative to the initial one
 # A model that needs more steps is far too fast: samples that resolve a motion are as close as
 # steps, and the longest motion without samples is that of a span before it has settled.
-MAX_STEPS_PER_SAMPLE, MOST_STEPS_BETWEEN = 2, 2**16
-# Ratio of the numbers of equal steps and of adapted ones: equal steps are as short as the shortest.
-EQUAL_STEPS = 4
+MAX_STEPS_PER_SAMPLE = 2  # largest number of steps for each sample
+MAX_UNSAMPLED_STEPS = 2**16  # largest number of further steps, for a motion without samples
+# Number of equal steps for each adapted one: equal steps are as short as the shortest.
+EQUAL_STEP_RATIO = 4
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,7 +153,7 @@ class Simulator:
             others = {name: inputs[name] for name in model.inputs}
             return self._at[key](model, x0, time, others, limit)
         measured = [one for name in model.inputs if isinstance(one := inputs[name], Input)]  # all
-        step, most = min(self._step, first_step(measured)), EQUAL_STEPS * max_steps(time)
+        step, most = min(self._step, first_step(measured)), EQUAL_STEP_RATIO * max_steps(time)
         try:
             states, _, self._step = solve_driven(model, measured, x0, time, step, most)
         except FloatingPointError as error:
@@ -194,7 +195,7 @@ def escape_distance(x0: NDArray[np.float64]) -> float:
 
 def max_steps(time: NDArray[np.float64]) -> int:
     """Return the largest number of integration steps allowed for a motion at given times."""
-    return MOST_STEPS_BETWEEN + MAX_STEPS_PER_SAMPLE * len(time)
+    return MAX_UNSAMPLED_STEPS + MAX_STEPS_PER_SAMPLE * len(time)
 
 
 def check_inputs(
@@ -229,7 +230,7 @@ def time_grid(duration: float, sampling_rate: float) -> np.ndarray:
 # --- rates of motions that stick ---
 
 
-STICKING = 1e-9  # of the greatest argument of a sign in a motion, below which it can stick
+STICKING_TOLERANCE = 1e-9  # argument of a sign that can stick, relative to the greatest in a motion
 
 
 def rates_along(
@@ -263,7 +264,7 @@ def sticking_projections(
         return None
     weights = np.array([sign.weights for sign in signs])
     values = np.stack([sign.argument(states) for sign in signs], axis=1)
-    is_still = np.abs(values) <= STICKING * np.abs(values).max(axis=0)
+    is_still = np.abs(values) <= STICKING_TOLERANCE * np.abs(values).max(axis=0)
     by_signs = np.zeros((len(states), n, len(signs)))  # derivatives of the rates
     for k, sign in enumerate(signs):
         has_sign = [sign in term[n_names:] for term in model.terms]
@@ -288,13 +289,11 @@ def sticking_projections(
 # --- models with inputs: equal steps, halved until they are accurate ---
 
 
-# Degree of the polynomial that replaces an input over a step. It suffices for two samples of a
-# cubic spline.
-DEGREE, SAMPLES_PER_STEP = 5, 2
-# Truncation of a step's Taylor series, relative to the size of each state.
-ACCURACY = 1e-10
-HALVINGS = 5  # of the step, with one time of divergence, after which a solution diverges
-DIVERGENCE_FACTOR = 1e8  # ratio to its initial size, above which a solution diverges
+INPUT_DEGREE = 5  # degree of the polynomial that replaces an input over a step
+SAMPLES_PER_STEP = 2  # samples of a cubic spline in a step, for which that degree suffices
+TRUNCATION_TOLERANCE = 1e-10  # error of a step's Taylor series, relative to the size of each state
+HALVINGS = 5  # number of halved steps with one time of divergence after which a solution diverges
+DIVERGENCE_FACTOR = 1e8  # size above which a solution diverges, relative to its initial size
 
 
 def first_step(inputs: Sequence[Input]) -> float:
@@ -312,7 +311,7 @@ def first_step(inputs: Sequence[Input]) -> float:
 def _fit_inputs(
     inputs: tuple[Input, ...], factors: tuple[Factor, ...], start: float, step: float, windows: int
 ) -> NDArray[np.float64]:
-    return fit_windows(inputs, factors, start, step, windows, DEGREE)
+    return fit_windows(inputs, factors, start, step, windows, INPUT_DEGREE)
 
 
 def solve_driven(
@@ -354,7 +353,7 @@ def solve_driven(
             )  # fmt: skip
             states, slopes = values[window, :, row], derivatives[window, :, row]
             is_bounded = np.sum(states**2, axis=1) < limit**2
-        if is_bounded.all() and truncation < ACCURACY:
+        if is_bounded.all() and truncation < TRUNCATION_TOLERANCE:
             return states, slopes, step
         diverged = None if is_bounded.all() else (states, slopes, longest)
         at = int(np.argmin(is_bounded))

@@ -40,10 +40,10 @@ from galloping.trajectory.right_hand_side import (
 # As `right_hand_side.CODES`: compiled functions read no constants of other modules.
 SIN, COS, EXP, ABS, SIGN, INVERSE = range(6)
 
-ORDER = 12  # of the series in time
-# Order of the series, and the size of the last terms kept, relative to the greatest.
-PRECISE_ORDER, EPSILON = 20, 2.0**-52
-MOST_PIECES = 64  # of an equal step between kinks, beyond which the step is too long
+ORDER = 12  # order of the series in time
+PRECISE_ORDER = 20  # order of the series in time at full precision
+EPSILON = 2.0**-52  # size of the last terms of that series, relative to the greatest
+MAX_PIECES = 64  # largest number of pieces between kinks in an equal step; more need a shorter step
 BINOMIALS = np.array(
     [[comb(n, k) for k in range(PRECISE_ORDER + 1)] for n in range(PRECISE_ORDER + 1)], float
 )
@@ -576,7 +576,7 @@ def propagate(
             )  # fmt: skip
         for w in range(first[g], first[g + 1]):
             begin, driven = 0.0, inputs[w]
-            for piece in range(MOST_PIECES):
+            for piece in range(MAX_PIECES):
                 length, share, kink = h * (1.0 - begin), 2.0, -1
                 _fill_jets(
                     x, driven, theta, order, length, n_states, parent, factor, rates, rate_values,
@@ -584,7 +584,7 @@ def propagate(
                 )  # fmt: skip
                 if signals is not None:
                     share, kink = _next_kink(x, u, n_states, modes, fresh, signals)
-                    if share <= 1.0 and piece == MOST_PIECES - 1:
+                    if share <= 1.0 and piece == MAX_PIECES - 1:
                         share, truncation[0] = 2.0, np.inf
                 for i in range(n_states):
                     size[i] = max(size[i], abs(x[0, i]))

@@ -29,7 +29,7 @@ from galloping.identification.observations import Code
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal
-from galloping.trajectory.simulation import STICKING
+from galloping.trajectory.simulation import STICKING_TOLERANCE
 
 DRAWN_FITS = 40  # number of drawn models from which other minima are sought
 TURNS = 2  # turns of the motion in the last swing before it sticks
@@ -161,7 +161,7 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
     stuck = np.zeros(len(states), bool)
     for weights, offset in record.problem.tables.arguments[: record.problem.tables.n_kinks]:
         argument = states @ weights + offset
-        is_still = np.abs(argument) < STICKING * np.abs(argument).max()
+        is_still = np.abs(argument) < STICKING_TOLERANCE * np.abs(argument).max()
         is_still &= np.append(is_still[1:], True)
         turns = np.flatnonzero(argument[:-1] * argument[1:] < 0.0)
         for begin in np.flatnonzero(is_still & ~np.append(False, is_still[:-1])):
