@@ -19,7 +19,7 @@ from galloping.evaluation.bounds import (
 )
 from galloping.evaluation.bounds_of_cells import at_the_bound, deviations, ranked_releases
 from galloping.line.galerkin import Derived
-from galloping.model.intervals import IDENTIFIABLE
+from galloping.model.intervals import MIN_IDENTIFIABLE_RATIO
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.measurement import Noise, noises_of
 from galloping.tables.scores import efficiency, identifiability
@@ -192,7 +192,8 @@ def test_identifiability_tells_which_terms_can_be_known():
     assert verdicts["q_v q_w^2"] == "not identifiable"
     assert verdicts["q_v"] == "identifiable"
     assert all(
-        (row["coefficient_over_bound"] > IDENTIFIABLE) == (row["verdict"] == "identifiable")
+        (row["coefficient_over_bound"] > MIN_IDENTIFIABLE_RATIO)
+        == (row["verdict"] == "identifiable")
         for row in rows
     )
 

@@ -116,12 +116,12 @@ def test_static_drag_displaces_and_damps():
 def test_sensors_read_the_line_and_tell_the_first_modes_apart():
     line = continuous_line(RESONANT, 3)
     states = simulate(line, displaced_state(line, (0.5, 0.5), antisymmetric=0.2), TIME[:2001])
-    read = sensor_readings(line, states, continuous.QUARTERS)
-    modal = continuous.first_modes(line, read, continuous.QUARTERS)
+    read = sensor_readings(line, states, continuous.SENSOR_POSITIONS)
+    modal = continuous.first_modes(line, read, continuous.SENSOR_POSITIONS)
     assert modal == pytest.approx(states.reshape(-1, 4, 3).transpose(0, 2, 1), abs=1e-10)
     rates = np.array([line.rates(x, line.speed) for x in states])
     slope = np.gradient(read, TIME[1], axis=0)[1:-1]
-    error = np.abs(sensor_readings(line, rates, continuous.QUARTERS)[1:-1] - slope)
+    error = np.abs(sensor_readings(line, rates, continuous.SENSOR_POSITIONS)[1:-1] - slope)
     assert np.all(error.max(axis=(0, 1)) < 1e-3 * np.abs(slope).max(axis=(0, 1)))
 
 

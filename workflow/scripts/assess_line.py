@@ -10,7 +10,7 @@ from galloping.cycles.ranking import Design, damping_ratios, derive_parts, place
 from galloping.cycles.rows import clearance_rows
 from galloping.cycles.settling import settle
 from galloping.line.galerkin import STATES
-from galloping.line.measures import KINDS, typical_measures
+from galloping.line.measures import MEASURE_KINDS, typical_measures
 from galloping.reproducibility.job import run
 from galloping.results import OURS
 from galloping.storage import write_rows
@@ -41,7 +41,7 @@ def assess_line(
             draws = identified_parts.sampled(make_generator(seed, "measures", case))
             parts = identified_parts
     given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
-    compared = [KINDS[each.pop("kind")](**each) for each in given] or typical_measures(line)
+    compared = [MEASURE_KINDS[each.pop("kind")](**each) for each in given] or typical_measures(line)
     design = Design(design_wind, start, distance, limit)
     ranked = rank_measures(parts, line, compared, design, simulator, draws)
     write_rows(measures, [{"case": case, **row} for row in ranked])

@@ -20,7 +20,7 @@ from galloping.figures.parts import TALLEST
 from galloping.line import measures
 from galloping.line.measures import (
     FOOT,
-    NOTHING,
+    NO_MEASURE,
     cigre,
     clearance,
     davison,
@@ -130,7 +130,7 @@ def test_clearance_and_measures():
     assert figure.get_label() == ""  # no measure beside removal of the ice that helps
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == [f"{value:.3g}" for value in table["vertical_amplitude_m"]]
-    as_it_is = table.set_index("measure").loc[NOTHING.label, "vertical_amplitude_m"]
+    as_it_is = table.set_index("measure").loc[NO_MEASURE.label, "vertical_amplitude_m"]
     better = table[:1].assign(measure="a damper", vertical_amplitude_m=as_it_is / 2)
     said = draw_measures(pd.concat([table, better]), {"cases": ["line"]}).get_label()
     assert f"a damper, reduces the vertical amplitude from {as_it_is:.2g}" in said

@@ -20,8 +20,8 @@ from galloping.cycles.ranking import (
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.line.galerkin import STATES, Derived, coefficients, make_model
-from galloping.line.measures import NOTHING, damper, pendulum, tension, typical_measures
-from galloping.model.intervals import DRAWS, interval_of_draws
+from galloping.line.measures import NO_MEASURE, damper, pendulum, tension, typical_measures
+from galloping.model.intervals import MODEL_DRAWS, interval_of_draws
 from galloping.model.polynomial import polynomial_library
 from galloping.recording.samples import Recording
 from galloping.tables.limit_cycle_ahead import limit_cycles_ahead
@@ -97,7 +97,7 @@ def test_the_band_holds_rivals_with_other_terms():
     found = replace(sure, rivals=rival[np.newaxis], rival_share=0.5)
     draws = draw_splits(found, 12.0, RATIOS, np.random.default_rng(3))
     values = {round(float(each.model(12.0).coefficients[2].sum()), 6) for each in draws}
-    assert len(draws) == DRAWS and len(values) == 2
+    assert len(draws) == MODEL_DRAWS and len(values) == 2
 
 
 def test_a_model_without_uncertainty_or_without_a_cycle():
@@ -123,7 +123,7 @@ def test_measures_change_the_line_as_the_derivation_does():
     def critical(of):
         return critical_winds(of, of.values[np.newaxis])[0]
 
-    for applied in (NOTHING, tension(1.2), *typical_measures(RESONANT)[3:5]):
+    for applied in (NO_MEASURE, tension(1.2), *typical_measures(RESONANT)[3:5]):
         true = make_model(coefficients(applied.change(RESONANT))).on_library(LIBRARY)
         line = apply_measure(parts, RESONANT, applied)
         assert at(line) == pytest.approx(true.coefficients, rel=1e-9)
@@ -156,7 +156,7 @@ def test_ranking():
     assert low < as_is["vertical_amplitude_m"] < high
     assert 3 < as_is["clearance_m"] < 8
     lost = with_measure(
-        parts, RESONANT, NOTHING, replace(design, wind=25.0), simulator(), draws[:0]
+        parts, RESONANT, NO_MEASURE, replace(design, wind=25.0), simulator(), draws[:0]
     )
     assert lost["kind"].startswith("diverged") and np.isnan(lost["vertical_amplitude_m"])
 

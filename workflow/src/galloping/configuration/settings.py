@@ -301,13 +301,13 @@ class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
         return self
 
 
-class MeasureSection(keys("measure", kind=one_of(tuple(measures.KINDS)))):
+class MeasureSection(keys("measure", kind=one_of(tuple(measures.MEASURE_KINDS)))):
     """Settings of one measure against galloping, such as a damper."""
 
     @model_validator(mode="after")
     def _check_keys_of_kind(self) -> Self:
         given = {k for k, v in self.model_dump(exclude={"kind"}).items() if v is not None}
-        needed = signature(measures.KINDS[self.kind]).parameters
+        needed = signature(measures.MEASURE_KINDS[self.kind]).parameters
         if given != set(needed):
             here = ", ".join(sorted(given)) or "no other key"
             keys = ", ".join(needed) or "no other key"

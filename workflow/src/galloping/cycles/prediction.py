@@ -22,7 +22,7 @@ from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN_WATCH, settle
 from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import DRAWS, draw_normal, interval_of_draws
+from galloping.model.intervals import MODEL_DRAWS, draw_normal, interval_of_draws
 from galloping.model.polynomial import Exponents, PolynomialModel, linear_term, velocity_pairs
 from galloping.passes import passing
 from galloping.trajectory.simulation import Simulator
@@ -33,7 +33,7 @@ PREDICTED_WATCH = SPAN_WATCH.during(1500.0, 50.0)  # in a predicted wind
 CORRECTION_TOLERANCE = 1e-4  # length of the last correction, in steps: the error is its square
 # Shares of a change of model at which limit cycles are followed: at once, or in steps.
 CHANGE_SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
-MIN_INTERVAL_DRAWS = DRAWS / 2  # smallest number of drawn models with a result that has an interval
+MIN_INTERVAL_DRAWS = MODEL_DRAWS / 2  # smallest number of results of which an interval is made
 MAX_CYCLE_SIZE = 5.0  # largest size of an orbit, in sizes of the recorded motion
 
 
@@ -77,11 +77,11 @@ class Split:
     def sampled(self, rng: np.random.Generator) -> np.ndarray:
         """Draw random values of the unknown parts from their normal distribution.
 
-        Shape (DRAWS, n); (0, n) if the covariance is not known.
+        Shape (MODEL_DRAWS, n); (0, n) if the covariance is not known.
         """
         if not np.all(np.isfinite(self.covariance)):
             return np.zeros((0, len(self.values)))
-        return draw_normal(self.values, self.covariance, DRAWS, rng)
+        return draw_normal(self.values, self.covariance, MODEL_DRAWS, rng)
 
 
 def split(

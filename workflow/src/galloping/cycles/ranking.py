@@ -10,7 +10,7 @@ from galloping.cycles.prediction import Split, cycle_intervals, find_nearby_cycl
 from galloping.cycles.settling import Settled, settle
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import STATES, coefficients, make_line_and_modes, make_model
-from galloping.line.measures import NOTHING, Measure, added_damping_and_mass, clearance
+from galloping.line.measures import NO_MEASURE, Measure, added_damping_and_mass, clearance
 from galloping.model.intervals import interval_of_draws
 from galloping.model.polynomial import linear_term
 from galloping.trajectory.simulation import Simulator
@@ -195,7 +195,7 @@ def rank_measures(
     """
     rows = [
         with_measure(parts, case, measure, design, simulator, draws)
-        for measure in (NOTHING, *measures)
+        for measure in (NO_MEASURE, *measures)
     ]
     amplitude, wind = "vertical_amplitude_m", "critical_wind_m_s"
     rows.sort(key=lambda row: (np.nan_to_num(row[amplitude], nan=np.inf), -row[wind]))

@@ -11,7 +11,7 @@ from galloping.evaluation.bounds import Bound, Experiment
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.line.galerkin import EQUATIONS
-from galloping.model.intervals import IDENTIFIABLE, draw_normal
+from galloping.model.intervals import MIN_IDENTIFIABLE_RATIO, draw_normal
 from galloping.model.polynomial import PolynomialModel, term_name
 from galloping.recording.measurement import Motion, Noise, noises_of, recordings_of
 from galloping.results import DISPLACEMENT_COLUMNS
@@ -132,7 +132,7 @@ def ranked_releases(
             "level": level,
             "min_coefficient_over_bound": float(bound.t[weakest]),
             "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
-            "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
+            "identifiable": bool(bound.t[weakest] > MIN_IDENTIFIABLE_RATIO),
         })  # fmt: skip
     return sorted(rows, key=lambda row: -row["min_coefficient_over_bound"])
 

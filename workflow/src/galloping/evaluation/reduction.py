@@ -11,13 +11,13 @@ from galloping.evaluation.motion import r_squared, steady_amplitude, steady_freq
 from galloping.line import continuous
 from galloping.streams import make_generator
 
-RATE = 50  # Hz
-STEP = 0.02  # s: after 300 s, motions differ by 0.1 mm from those with a quarter of it
-WINDOWS = ((0, 100), (100, 200), (200, 300))  # s
-STEADY = WINDOWS[-1]
-LIMIT_CYCLE = (1400, 1500)  # s: the slowest approach has died out
+SAMPLE_RATE = 50  # sampling rate, Hz
+INTEGRATION_STEP = 0.02  # step, s: with a quarter of it, motions differ by 0.1 mm after 300 s
+WINDOWS = ((0, 100), (100, 200), (200, 300))  # begin and end of windows that are compared, s
+STEADY_WINDOW = WINDOWS[-1]  # window of amplitude and frequency, s
+LIMIT_CYCLE_WINDOW = (1400, 1500)  # window of the limit cycle, s: the slowest approach has died out
 DIRECTIONS = ("vertical", "horizontal")
-MAX_RATIO = 2.0  # between amplitudes or frequencies of a common motion
+MAX_RATIO = 2.0  # largest ratio between amplitudes or frequencies of a common motion
 
 
 @dataclass(frozen=True)
@@ -79,14 +79,14 @@ def variant_motion(
 
 
 def _sample_times() -> np.ndarray:
-    return np.arange(LIMIT_CYCLE[1] * RATE + 1) / RATE
+    return np.arange(LIMIT_CYCLE_WINDOW[1] * SAMPLE_RATE + 1) / SAMPLE_RATE
 
 
 def _simulate_release(
     line: continuous.Span, start: np.ndarray, speed: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    states = continuous.simulate(line, start, _sample_times(), speed, STEP)
-    displacements = continuous.sensor_readings(line, states, continuous.QUARTERS)[..., :2]
+    states = continuous.simulate(line, start, _sample_times(), speed, INTEGRATION_STEP)
+    displacements = continuous.sensor_readings(line, states, continuous.SENSOR_POSITIONS)[..., :2]
     left, middle, right = np.moveaxis(displacements, 1, 0)
     return middle, (left - right) / 2.0
 
@@ -126,10 +126,10 @@ def _samples_between(begin: float, end: float) -> np.ndarray:
 
 def _describe_motion(mid_span: np.ndarray, antisymmetric: np.ndarray) -> dict[str, np.ndarray]:
     """Compute amplitude, frequency, limit cycle and antisymmetric motion, (2,) each."""
-    steady, settled = _samples_between(*STEADY), _samples_between(*LIMIT_CYCLE)
+    steady, settled = _samples_between(*STEADY_WINDOW), _samples_between(*LIMIT_CYCLE_WINDOW)
     return {
         "amplitude_m": steady_amplitude(mid_span[steady]),
-        "frequency_hz": steady_frequency(mid_span[steady], 1.0 / RATE),
+        "frequency_hz": steady_frequency(mid_span[steady], 1.0 / SAMPLE_RATE),
         "limit_cycle_m": steady_amplitude(mid_span[settled]),
         "antisymmetric_m": steady_amplitude(antisymmetric[settled]),
     }

@@ -16,7 +16,7 @@ from galloping.results import DISPLACEMENT_COLUMNS, ORDERS, Reconstruction
 from galloping.trajectory.simulation import Simulator, Trajectory
 
 DYNAMIC_ROWS = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
-PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
+PLOT_RATE = 20.0  # sampling rate of plots, Hz: ten times the fastest harmonic that matters
 
 
 def gallops(model: PolynomialModel) -> bool:

@@ -17,7 +17,7 @@ from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
 from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
 from galloping.line.galerkin import Line, make_mode_shapes, positions
-from galloping.line.measures import NOTHING, design_ellipses, ice_removal
+from galloping.line.measures import NO_MEASURE, design_ellipses, ice_removal
 from galloping.storage import replacing
 
 COLUMNS = 3  # of panels of orbits
@@ -147,11 +147,11 @@ def _most_useful(of_case: pd.DataFrame) -> str:
     with_ice = of_case[of_case["measure"] != ice_removal().label].set_index("measure")
     amplitude = with_ice["vertical_amplitude_m"]
     amplitude = amplitude[np.isfinite(amplitude)]
-    if not amplitude.get(NOTHING.label, 0.0) > amplitude.min():
+    if not amplitude.get(NO_MEASURE.label, 0.0) > amplitude.min():
         return ""
     return (
         f"The best measure that leaves the ice, {amplitude.idxmin()}, reduces the vertical "
-        f"amplitude from {amplitude[NOTHING.label]:.2g} to {amplitude.min():.2g} m"
+        f"amplitude from {amplitude[NO_MEASURE.label]:.2g} to {amplitude.min():.2g} m"
     )
 
 

@@ -15,7 +15,7 @@ from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
-from galloping.model.intervals import DRAWS
+from galloping.model.intervals import MODEL_DRAWS
 from galloping.model.polynomial import Exponents, exponent_matrix, term_name
 from galloping.recording.samples import Recording, inputs_at_times
 
@@ -133,7 +133,7 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
         return identified
     rng = np.random.default_rng(0)
     drawn, rivals = draw_models_and_rivals(identified, rng), []
-    for k in range(max(DRAWS, len(exchanges))):
+    for k in range(max(MODEL_DRAWS, len(exchanges))):
         alias, term = exchanges[k % len(exchanges)]
         coefficients = drawn[k % len(drawn)].coefficients.copy()
         row = coefficients[alias.equation]

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import DRAWS, draw_normal
+from galloping.model.intervals import MODEL_DRAWS, draw_normal
 from galloping.model.polynomial import PolynomialModel
 
 
 def draw_models(
-    identified: IdentifiedModel, rng: np.random.Generator, count: int = DRAWS
+    identified: IdentifiedModel, rng: np.random.Generator, count: int = MODEL_DRAWS
 ) -> list[PolynomialModel]:
     """Draw random models with an identified model's terms, from its coefficient covariance.
 
@@ -38,7 +38,7 @@ def _clip_to_bounds(identified: IdentifiedModel, coefficients: np.ndarray) -> np
 
 
 def draw_models_and_rivals(
-    identified: IdentifiedModel, rng: np.random.Generator, count: int = DRAWS
+    identified: IdentifiedModel, rng: np.random.Generator, count: int = MODEL_DRAWS
 ) -> list[PolynomialModel]:
     """Draw random models, including rival models with other terms as often as these are probable.
 

@@ -28,8 +28,8 @@ from galloping.model.modes import Modes
 from galloping.results import Motion
 
 AERODYNAMICS = ("small_angle", "relative")
-STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 modes
-RADIANS = 0.5  # longest step, in radians of the fastest mode: the method is unstable above 2.8
+INTEGRATION_STEP = 0.005  # longest step, s: an eightieth of the shortest period of 13 modes
+MAX_STEP_PHASE = 0.5  # longest step, in radians of the fastest mode; beyond 2.8 it is unstable
 
 
 # the parts of a `Span` from which its rates are computed
@@ -221,16 +221,16 @@ def simulate(
     start: np.ndarray,
     time: np.ndarray,
     speed: np.ndarray | None = None,
-    step: float = STEP,
+    step: float = INTEGRATION_STEP,
 ) -> np.ndarray:
     """Simulate the modal displacements and velocities of an overhead line at given times.
 
     Returns (q, p, dq, dp), (n, 4 n_modes). start: the state at time[0]. time: (n,) s, equally
     spaced. speed: (n,) wind at those times, linear between them; the mean wind by default. step: s,
-    the longest step of the Runge-Kutta method of order 4, which is at most RADIANS of the fastest
-    mode in any case.
+    the longest step of the Runge-Kutta method of order 4, which is at most MAX_STEP_PHASE of the
+    fastest mode in any case.
     """
-    step = min(step, RADIANS / float(np.max(natural_modes(line)[0])))
+    step = min(step, MAX_STEP_PHASE / float(np.max(natural_modes(line)[0])))
     interval = (time[-1] - time[0]) / (len(time) - 1)
     substeps = max(1, int(np.ceil(interval / step - 1e-9)))
     if speed is None:
@@ -320,7 +320,7 @@ def _runge_kutta(start, step, substeps, wind, line):
     return states
 
 
-QUARTERS = (0.25, 0.5, 0.75)  # of the span: sensors that distinguish the first three modes
+SENSOR_POSITIONS = (0.25, 0.5, 0.75)  # places of sensors that distinguish three modes, in spans
 
 
 def sensor_readings(line: Span, states: np.ndarray, places: Sequence[float]) -> np.ndarray:

@@ -160,7 +160,7 @@ TERMS = {
     "kappa_10": (3, (1, 2, 0, 0)),
 }
 SYMBOLS: dict[tuple[int, Exponents], str] = {place: symbol for symbol, place in TERMS.items()}
-EQUATIONS = {2: "vertical", 3: "horizontal"}
+EQUATIONS = {2: "vertical", 3: "horizontal"}  # direction, by row of the state derivative
 
 
 def make_model(values: Mapping[str, float]) -> PolynomialModel:

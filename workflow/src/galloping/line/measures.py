@@ -36,7 +36,7 @@ class Measure:
     limit: str = ""
 
 
-NOTHING = Measure("as it is")
+NO_MEASURE = Measure("as it is")
 
 
 def tension(factor: float) -> Measure:
@@ -87,7 +87,7 @@ def ice_removal() -> Measure:
     return Measure("ice removed", lambda case: {**case, "ice": bare}, source=CIGRE)
 
 
-KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ice_removal)}
+MEASURE_KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ice_removal)}
 
 
 def typical_measures(case: Mapping) -> tuple[Measure, ...]:
@@ -130,7 +130,7 @@ def added_damping_and_mass(case: Mapping, applied: Measure) -> tuple[np.ndarray,
     return damping, mass
 
 
-FOOT = 0.3048  # m
+FOOT = 0.3048  # length of a foot, m
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,8 @@ FUNCTIONS = {
     "sign": Kind(np.sign, (0.0, ()), "sign({})", r"\operatorname{{sgn}}\left({}\right)"),
     "inverse": Kind(np.reciprocal, (-1.0, ("inverse", "inverse")), "1/({})", r"\frac{{1}}{{{}}}"),
 }
-KINKED = ("abs", "sign")  # not differentiable where the argument is zero
-MOST_EXPONENT = 700.0  # of exp, beyond which it is no number
+KINKED_FUNCTIONS = ("abs", "sign")  # not differentiable where the argument is zero
+MAX_EXPONENT = 700.0  # largest argument of exp whose value is finite
 
 
 class Function(NamedTuple):
@@ -127,7 +127,7 @@ def make_function(
         unit = -1.0
         factor = -1.0 if name == "sin" else 1.0
     elif name == "exp":
-        factor, offset = exp(offset) if offset < MOST_EXPONENT else np.inf, 0.0
+        factor, offset = exp(offset) if offset < MAX_EXPONENT else np.inf, 0.0
     if not 0.0 < abs(factor) < np.inf:
         raise ValueError(said)
     # adding zero removes the sign of a negative zero

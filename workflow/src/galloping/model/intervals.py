@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-QUANTILES_90 = (0.05, 0.95)
-QUANTILES_95 = (0.025, 0.975)
-NORMAL_95 = 1.959963984540054  # half width in standard deviations
-DRAWS = 39  # of a model: their least and greatest are then the ends of a 95 % interval, unbiased
-# |coefficient| over its bound from which a selection with penalty 2 ln N can be trusted.
-IDENTIFIABLE = 7.6
+QUANTILES_90 = (0.05, 0.95)  # ends of a 90 % interval
+QUANTILES_95 = (0.025, 0.975)  # ends of a 95 % interval
+NORMAL_95 = 1.959963984540054  # half width of a 95 % interval, in standard deviations
+MODEL_DRAWS = 39  # number of drawn models: their extremes are then an unbiased 95 % interval
+# Smallest |coefficient|, relative to its bound, of terms that the penalty 2 ln N selects reliably.
+MIN_IDENTIFIABLE_RATIO = 7.6
 
 
 def median_and_interval(
@@ -53,15 +53,17 @@ def interval_of_draws(
 ) -> np.ndarray:
     """Return minimum and maximum of random draws of an estimate as its 95 % interval.
 
-    values: (count, ...) of DRAWS models, of those that have one. NaN if fewer than `fewest` do, or
-    if a value is NaN. A value beyond a range is infinite.
+    values: (count, ...) of MODEL_DRAWS models, of those that have one. NaN if fewer than `fewest`
+    do, or if a value is NaN. A value beyond a range is infinite.
     """
     if len(values) < fewest:
         return np.full((2, *np.shape(values)[1:]), np.nan)
     return np.stack([np.min(values, axis=0), np.max(values, axis=0)]) + 0.0  # no negative zero
 
 
-BIAS, FLOOR = 2.0, 2.0  # of `decay_interval`
+# Errors of the decay rate estimated from a recording of duration T.
+DECAY_BIAS = 2.0  # bias, times T
+DECAY_VARIANCE = 2.0  # variance of a rate without decay, times T^2
 
 
 def decay_interval(decay: float, error: float, duration: float) -> tuple[float, float]:
@@ -73,11 +75,11 @@ def decay_interval(decay: float, error: float, duration: float) -> tuple[float, 
     leading order, the variance a/T and the bias 1/T, and is skewed; if a T is small, an interval of
     the estimate plus or minus two of its standard errors misses more below than above. The interval
     of E. B. Wilson (J. Am. Stat. Assoc. 22, 1927) for this variance contains all a for which the
-    estimate, less BIAS/T, is within 1.96 times the root of (a/T + FLOOR/T^2). Measured on 6,000
-    motions each of a T from 1 to 80: it misses 2 to 4 % on either side. Variance of the estimate
-    beyond a/T, by noise or nonlinear damping, is added unchanged.
+    estimate, less DECAY_BIAS/T, is within 1.96 times the root of (a/T + DECAY_VARIANCE/T^2).
+    Measured on 6,000 motions each of a T from 1 to 80: it misses 2 to 4 % on either side. Variance
+    of the estimate beyond a/T, by noise or nonlinear damping, is added unchanged.
     """
-    floor, middle = FLOOR / duration**2, decay - BIAS / duration
+    floor, middle = DECAY_VARIANCE / duration**2, decay - DECAY_BIAS / duration
     if decay <= 0.0:
         half = NORMAL_95 * np.sqrt(error**2 + floor)
         return decay - half, decay + half

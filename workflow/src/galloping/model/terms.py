@@ -77,15 +77,16 @@ NUMBER: /(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?/
 NAME: /[^\W\d]\w*/
 %ignore /\s+/
 """
-EXPECTED = {  # in words, by terminal; messages omit the others
+TERMINAL_WORDS = {  # words of messages, by terminal; messages omit the other terminals
     "NAME": "a name", "NUMBER": "a number", "RPAR": ")", "SEMICOLON": "; and a degree",
     "EQUAL": "=", "COLON": ":", "COMMA": "a comma", "CLOSE": "|",
 }  # fmt: skip
-HIGHEST = 12  # power of a name in a term, and degree of `poly`
+MAX_POWER = 12  # largest power of a name in a term, and largest degree of `poly`
 # Any text within these bounds is parsed in a short time.
-MOST_CHARACTERS, DEEPEST = 10_000, 50  # of a text, and of brackets within brackets
-MOST_TERMS = 600  # of an expanded text
-STRUCTURE = 3  # degree of the elastic forces of `wind`
+MAX_CHARACTERS = 10_000  # largest number of characters of a text
+MAX_NESTING = 50  # largest depth of nested brackets in a text
+MAX_TERMS = 600  # largest number of terms of an expanded text
+ELASTIC_DEGREE = 3  # degree of the elastic forces of `wind`
 
 Sum: TypeAlias = dict[Exponents, float]  # coefficients by term
 Node: TypeAlias = Any  # a Tree or Token of lark, depending on the rule of the grammar
@@ -257,21 +258,21 @@ class _Sentence:
     def tree(self) -> Node:
         from lark.exceptions import UnexpectedInput
 
-        if len(self.text) > MOST_CHARACTERS:
-            said = f"{len(self.text)} characters are more than {MOST_CHARACTERS}"
+        if len(self.text) > MAX_CHARACTERS:
+            said = f"{len(self.text)} characters are more than {MAX_CHARACTERS}"
             raise ValueError(f"{self.kind} {self.text:.60}...: {said}")
         depth = 0
         for place, character in enumerate(self.text):
             depth += (character == "(") - (character == ")")
-            if depth > DEEPEST:
-                raise self.fault(place, f"more than {DEEPEST} brackets within each other")
+            if depth > MAX_NESTING:
+                raise self.fault(place, f"more than {MAX_NESTING} brackets within each other")
         # opening and closing brackets remove the ambiguity of bars; one character keeps positions
         text = re.sub(r"\|([^|]*)\|", r"⟦\1⟧", self.text)
         try:
             return _make_grammar().parse(text, start=self.kind)
         except UnexpectedInput as error:
             expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
-            words = [word for name, word in EXPECTED.items() if name in expected]
+            words = [word for name, word in TERMINAL_WORDS.items() if name in expected]
             token = getattr(error, "token", None)
             if token is not None and token.type == "$END":
                 place, said = len(self.text.rstrip()), "more is needed here"
@@ -296,13 +297,13 @@ class _Sentence:
                 result[term] = result.get(term, 0.0) + a * b
             self.check_count(len(result), place)
         highest = max(max(map(abs, term[: n_exponents(term)])) for term in result)
-        if highest > HIGHEST:
-            raise self.fault(place or 0, f"a power of {highest} is more than {HIGHEST}")
+        if highest > MAX_POWER:
+            raise self.fault(place or 0, f"a power of {highest} is more than {MAX_POWER}")
         return result
 
     def check_count(self, terms: int, place: Token | None) -> None:
-        if terms > MOST_TERMS:
-            raise self.fault(place or 0, f"{terms} terms are too many; at most {MOST_TERMS}")
+        if terms > MAX_TERMS:
+            raise self.fault(place or 0, f"{terms} terms are too many; at most {MAX_TERMS}")
 
     def parse_equations(self) -> Iterator[tuple[int, Sum]]:
         """Yield the terms of a library for each of its equations."""
@@ -455,8 +456,8 @@ class _Sentence:
         return result
 
     def power(self, digits: Token) -> int:
-        if not digits.isdigit() or len(digits) > 4 or int(digits) > HIGHEST:
-            said = f"{digits.value:.20} is not allowed; must be a whole number up to {HIGHEST}"
+        if not digits.isdigit() or len(digits) > 4 or int(digits) > MAX_POWER:
+            said = f"{digits.value:.20} is not allowed; must be a whole number up to {MAX_POWER}"
             raise self.fault(digits, said)
         return int(digits)
 
@@ -514,7 +515,7 @@ class _Sentence:
             raise self.fault(name, said)
         speed = self.name(name) if named else len(self.states)
         displacements, velocities = list(pairs), list(pairs.values())
-        terms = [self.monomial(own) for own in _list_factors(displacements, STRUCTURE)]
+        terms = [self.monomial(own) for own in _list_factors(displacements, ELASTIC_DEGREE)]
         terms += [self.monomial([velocity]) for velocity in velocities]
         for own in _list_factors(velocities, 3):
             term = list(self.monomial(own))

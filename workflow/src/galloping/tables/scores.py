@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.line.galerkin import EQUATIONS, Derived
-from galloping.model.intervals import IDENTIFIABLE, median_and_interval
+from galloping.model.intervals import MIN_IDENTIFIABLE_RATIO, median_and_interval
 from galloping.results import DISPLACEMENT_COLUMNS, NOISE, ORDERS, SUBSET
 
 CELL = ["case", "protocol", "level"]
@@ -180,7 +180,7 @@ def identifiability(
     table = pd.concat([part for part in parts if len(part)] or parts)
     t = (table["true"].abs() / table["bound"]).astype(float)
     # undefined: the library lacks the term, or the line itself diverges
-    known = np.where(t > IDENTIFIABLE, "identifiable", "not identifiable")
+    known = np.where(t > MIN_IDENTIFIABLE_RATIO, "identifiable", "not identifiable")
     return table.assign(**{RATIO: t}, verdict=np.where(t.isna(), "undefined", known))
 
 

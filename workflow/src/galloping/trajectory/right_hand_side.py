@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from galloping.model.functions import FUNCTIONS, KINKED, Function, differentiate_term
+from galloping.model.functions import FUNCTIONS, KINKED_FUNCTIONS, Function, differentiate_term
 from galloping.model.polynomial import Exponents, exponent_matrix, has_functions, split_functions
 from galloping.recording.samples import Factor
 
@@ -95,9 +95,9 @@ def make_tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
         queue = {need for term in queue for need in _list_needed(term, n_states)} - closed
     monomials = tuple(sorted(closed, key=lambda term: _monomial_order(term, n_signals)))
     functions, _ = split_functions(monomials)
-    kinked = sorted(functions, key=lambda own: own.name not in KINKED)
+    kinked = sorted(functions, key=lambda own: own.name not in KINKED_FUNCTIONS)
     arguments = tuple(dict.fromkeys(own[1:] for own in kinked))
-    n_kinks = len({own[1:] for own in functions if own.name in KINKED})
+    n_kinks = len({own[1:] for own in functions if own.name in KINKED_FUNCTIONS})
     index = {term: m for m, term in enumerate(monomials)}
     place: dict[int | Function, int] = {own: n_states + k for k, own in enumerate(functions)}
     place |= {k: k if k < n_states else k + len(functions) for k in range(n_signals)}
@@ -146,7 +146,7 @@ def _list_needed(term: Exponents, n_states: int) -> Iterator[Exponents]:
         yield _split_last_factor(term, n_states)[1]
     exponents = [factor for factor in term if not isinstance(factor, Function)]
     for own in term[len(exponents) :]:
-        if own.name not in KINKED:
+        if own.name not in KINKED_FUNCTIONS:
             _, others = own.derivative(0)
             yield from ((*[0] * len(exponents), each) for each in (own, *others))
 

@@ -46,7 +46,11 @@ JUDGEMENTS = (  # columns, empty if a model does not give the value
 )  # fmt: skip
 
 
-LAYOUTS = {"projected": continuous.QUARTERS, "mid-span": (0.5,), "states": ()}  # places, in spans
+LAYOUTS = {  # places of the sensors, in spans
+    "projected": continuous.SENSOR_POSITIONS,
+    "mid-span": (0.5,),
+    "states": (),
+}
 
 
 @dataclass(frozen=True)
