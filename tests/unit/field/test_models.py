@@ -13,7 +13,7 @@ from galloping import Recording, Simulator, maximum_likelihood
 from galloping import polynomial_library as library
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import shortest_period
-from galloping.inspection.excerpts import PERIODS, STRETCHES, excerpts
+from galloping.inspection.excerpts import MAX_STRETCHES, PERIODS_PER_STRETCH, excerpts
 from galloping.line.galerkin import coefficients, make_model
 from galloping.streams import make_generator
 from galloping.summary.advice import advise
@@ -79,8 +79,11 @@ def test_long_recordings_are_identified_from_their_liveliest_and_largest_stretch
     long = replace(recording, time=time, values=values)
     stretches = excerpts([long])
     period = shortest_period([long])
-    assert len(stretches) == STRETCHES
-    assert all(np.ptp(one.time) == pytest.approx(PERIODS * period, rel=0.02) for one in stretches)
+    assert len(stretches) == MAX_STRETCHES
+    assert all(
+        np.ptp(one.time) == pytest.approx(PERIODS_PER_STRETCH * period, rel=0.02)
+        for one in stretches
+    )
     changing, large = stretches[::2], stretches[1::2]
     for one in changing:
         sizes = [np.std(part) for part in np.array_split(one.values[:, 0], 8)]

@@ -15,7 +15,7 @@ from galloping.identification.preparation.smoothing import (
     with_integrals,
     without_drift,
 )
-from galloping.inspection.quality import MIN_VALUES, find_outliers, find_peaks, spectrum
+from galloping.inspection.quality import MIN_DISTINCT_VALUES, find_outliers, find_peaks, spectrum
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
 from galloping.trajectory.simulation import Simulator, rates_along
@@ -102,7 +102,7 @@ def without_outliers(recording: Recording) -> Recording:
 def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Replace outliers among the values of a channel, (n,), by NaN."""
     known = np.isfinite(values)
-    if np.count_nonzero(known) < MIN_VALUES:
+    if np.count_nonzero(known) < MIN_DISTINCT_VALUES:
         return values
     time, samples = time[known], values[known]
     frequency, share = spectrum(time, samples, float(np.median(np.diff(time))))

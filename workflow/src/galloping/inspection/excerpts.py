@@ -18,27 +18,27 @@ from galloping.identification.random_forces.start import amplitude_fluctuates
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
 
-STRETCHES = 8  # spread over a long recording
-PERIODS = 64  # of the fastest motion, in each
-PARTS = 8  # of a stretch, whose sizes are compared
-MIN_SIZE = 1e-9  # of a motion, in deviations of its channel
+MAX_STRETCHES = 8  # largest number of stretches of all recordings
+PERIODS_PER_STRETCH = 64  # length of a stretch, in periods of the fastest motion
+N_PARTS = 8  # number of parts of a stretch whose sizes are compared
+MIN_SIZE = 1e-9  # smallest size of a motion, in standard deviations of its channel
 
 
 def excerpts(recordings: list[Recording]) -> list[Recording]:
     """Select informative stretches of long recordings, to limit the cost of identification.
 
-    There are at most STRETCHES of PERIODS in all, but at least one of every recording. A longer
-    recording is cut into equal parts. The stretch of every other part is that in which the size of
-    the motion varies most, since growth and decay contain information on damping. The stretch of
-    the others is that of the largest motion, for the cubic terms. Stretches without gaps are
-    preferred. Recordings stay whole if no channel varies above its noise, which leaves no period,
-    or if their stretches would have fewer than FEWEST samples.
+    There are at most MAX_STRETCHES of PERIODS_PER_STRETCH periods in all, but at least one of every
+    recording. A longer recording is cut into equal parts. The stretch of every other part is that
+    in which the size of the motion varies most, since growth and decay contain information on
+    damping. The stretch of the others is that of the largest motion, for the cubic terms. Stretches
+    without gaps are preferred. Recordings stay whole if no channel varies above its noise, which
+    leaves no period, or if their stretches would have fewer than FEWEST samples.
     """
     try:
         period = shortest_period([with_integrals(recording) for recording in recordings])
     except ValueError:
         return recordings
-    each = max(STRETCHES // len(recordings), 1)
+    each = max(MAX_STRETCHES // len(recordings), 1)
     parts = [piece for recording in recordings for piece in _choose_pieces(recording, each, period)]
     return parts if sum(len(piece.time) for piece in parts) >= FEWEST else recordings
 
@@ -83,20 +83,20 @@ def identify_excerpts(
 
 
 def _choose_pieces(recording: Recording, count: int, period: float) -> list[Recording]:
-    time, length = recording.time, PERIODS * period
+    time, length = recording.time, PERIODS_PER_STRETCH * period
     fitting = round_down((time[-1] - time[0]) / length)
     if fitting <= count:
         return [recording]
-    edges = first_from(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
-    sizes = _measure_parts(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
+    edges = first_from(time, time[0] + length / N_PARTS * np.arange(fitting * N_PARTS + 1))
+    sizes = _measure_parts(with_integrals(recording).values, edges).reshape(fitting, N_PARTS, -1)
     merits = np.array([np.log(sizes).std(axis=1).sum(axis=1), sizes.mean(axis=(1, 2))])
-    gaps = np.searchsorted(edges[::PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1
+    gaps = np.searchsorted(edges[::N_PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1
     broken = np.isin(np.arange(fitting), gaps) | np.any(sizes <= MIN_SIZE, axis=(1, 2))
     merits[:, broken] = -1.0
     parts = np.array_split(np.arange(fitting), count)
     chosen = [part[np.argmax(merits[n % 2, part])] for n, part in enumerate(parts)]
-    pieces = [slice(edges[PARTS * k], edges[PARTS * (k + 1)]) for k in chosen]
-    return [recording[rows] for rows in pieces if rows.stop - rows.start > 2 * PARTS]
+    pieces = [slice(edges[N_PARTS * k], edges[N_PARTS * (k + 1)]) for k in chosen]
+    return [recording[rows] for rows in pieces if rows.stop - rows.start > 2 * N_PARTS]
 
 
 def _measure_parts(values: np.ndarray, edges: np.ndarray) -> np.ndarray:

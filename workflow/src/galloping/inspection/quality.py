@@ -20,31 +20,32 @@ if TYPE_CHECKING:
     from galloping.readers.mapping import ColumnMapping, InputColumn
     from galloping.readers.series import Series
 
-NEIGHBOURS = 5  # samples of a running median
-MIN_JUMP = 0.05  # of the range of a channel
-JUMP_SIDES = 16  # quarters of a period on each side, where a jump exceeds all that recurs
-OUTLIER_NOISES = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
-REPORTED_GAP = 3.0  # median steps between two samples, which jitter never reaches
-MIN_CLIPPED = 5  # equal samples in a row at an end of the range
-PERIODS = 10  # fewer do not determine the damping
-PER_PERIOD = 10  # samples: with fewer, noise cannot be distinguished from motion
-SPLIT_GAP = 0.02  # of the time with samples: a spectrum is not interpolated over longer gaps
-MAX_MISSED = 0.1  # of the time of other columns, in gaps of a channel
-MIN_VALUES = 32  # different ones: fewer resolve a motion to a tenth of its deviation
-MIN_SIGNAL = 3.0  # motion over noise, below which terms can hardly be determined
-# Power at five adjacent frequencies, over that of white noise with the same median power, above
-# which a spectrum has a peak. White noise itself does not reach half of it.
+MEDIAN_SAMPLES = 5  # number of samples of a running median
+MIN_JUMP = 0.05  # smallest jump, relative to the range of a channel
+JUMP_REACH = 16  # range on each side in which a jump exceeds recurring changes, in quarter periods
+OUTLIER_DEVIATION = 8.0  # distance from the running median, in noise deviations: chance 1e-15
+MIN_REPORTED_GAP = 3.0  # shortest gap, in median steps: longer than any jitter
+MIN_CLIPPED_SAMPLES = 5  # smallest number of equal samples in a row at an end of the range
+MIN_PERIODS = 10  # smallest number of periods that determine the damping
+MIN_SAMPLES_PER_PERIOD = 10  # smallest number of samples that distinguish motion from noise
+MIN_SPLIT_GAP = 0.02  # shortest gap that splits a spectrum, relative to the time with samples
+MAX_MISSING_SHARE = 0.1  # largest share of the time of other columns in gaps of a channel
+MIN_DISTINCT_VALUES = 32  # smallest number of values that resolve a tenth of the deviation
+MIN_SIGNAL_TO_NOISE = 3.0  # smallest ratio of motion to noise that determines terms
+# Smallest power of a peak at five adjacent frequencies, relative to white noise of the same median
+# power. White noise itself does not reach half of it.
 MIN_PEAK = 20.0
-MIN_RECURRENCE, MAX_LAG = 0.6, 1.6  # correlation of a motion with itself, up to a lag in periods
-# Variance of the difference of two channels, over that of their noise, below which both show the
-# same motion. The variance of a noise is known to a few percent.
-SAME_MOTION = 1.3
-WRONG_SIGN = 0.5  # least correlation of an acceleration with its displacement
-MAX_SIDEWAYS = 10.0  # horizontal over vertical motion of a line
-# Least and greatest difference of the highest and lowest sample, by unit, that a span has; with any
-# other the unit is most likely wrong.
-RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
-FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of other motion of such a size
+MIN_RECURRENCE = 0.6  # smallest correlation of a recurrent motion with itself after a period
+MAX_LAG = 1.6  # longest lag of this correlation, in periods
+# Largest variance of the difference of two channels that show the same motion, relative to their
+# noise, whose variance is known to a few percent.
+MAX_VARIANCE_RATIO = 1.3
+MAX_ACCELERATION_CORRELATION = 0.5  # largest correlation of a displacement and its acceleration
+MAX_HORIZONTAL_RATIO = 10.0  # largest ratio of horizontal to vertical motion of a line
+# Smallest and largest difference of the highest and lowest sample of a span, by unit. Beyond, the
+# unit is most likely wrong.
+PLAUSIBLE_RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
+PLAUSIBLE_FREQUENCIES = 0.02, 20.0  # range of galloping and of other large motion, Hz
 
 
 def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
@@ -58,7 +59,7 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
     sampled = np.flatnonzero(np.isfinite(series.values).any(axis=1))
     begins, steps = time[sampled], np.diff(time[sampled])
     step = sampling_step(time, series.values)
-    gaps = np.flatnonzero(steps > REPORTED_GAP * step)
+    gaps = np.flatnonzero(steps > MIN_REPORTED_GAP * step)
     report: dict[str, Any] = {
         "file": series.path.name,
         "start": series.start,
@@ -67,7 +68,9 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
             "duration_s": float(time[-1] - time[0]),
             "sampled_s": sampled_time(begins, step),
             "rate_hz": 1.0 / step,
-            "irregularity_percent": float(100 * np.std(steps[steps <= REPORTED_GAP * step]) / step),
+            "irregularity_percent": float(
+                100 * np.std(steps[steps <= MIN_REPORTED_GAP * step]) / step
+            ),
             "gaps": [
                 {
                     "row": int(series.rows[sampled[k]]),
@@ -113,13 +116,13 @@ def make_finding(problem: dict) -> Finding:
 
 
 def _find_short_channels(series: "Series", mapping: "ColumnMapping", report: dict) -> list[dict]:
-    """List problems of channels with fewer than PERIODS of their motion.
+    """List problems of channels with fewer than MIN_PERIODS of their motion.
 
     A motion that does not recur, such as that in gusts, is ignored if another channel has as many
     periods. A change of the mean is reported separately.
     """
     moved = {one["column"] for one in report["problems"] if one["code"] == Code.MEAN_MOVES}
-    few, enough, least = {}, False, PERIODS * (1.0 - TIME_ROUNDING)
+    few, enough, least = {}, False, MIN_PERIODS * (1.0 - TIME_ROUNDING)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         known = np.isfinite(values)
         frequencies = report["channels"][channel.column]["dominant_frequencies_hz"]
@@ -128,7 +131,7 @@ def _find_short_channels(series: "Series", mapping: "ColumnMapping", report: dic
         if len(periods) and periods[0] < least and channel.column not in moved:
             few[channel.column] = known, values, frequencies[0]
     return [
-        _make_problem(series.rows[known][0], Code.FEW_PERIODS, column, periods=PERIODS)
+        _make_problem(series.rows[known][0], Code.FEW_PERIODS, column, periods=MIN_PERIODS)
         for column, (known, values, frequency) in few.items()
         if not enough or _is_recurrent(series.time[known], values[known], frequency)
     ]
@@ -160,15 +163,15 @@ def _find_copies(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
         known = np.isfinite(series.values[:, [i, j]]).all(axis=1)
         if (
             one.measures.lstrip("d") == other.measures.lstrip("d")
-            or fastest * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
-            or np.any(motions < MIN_SIGNAL * noises)
+            or fastest * step > (1.0 + TIME_ROUNDING) / MIN_SAMPLES_PER_PERIOD
+            or np.any(motions < MIN_SIGNAL_TO_NOISE * noises)
             or not noises.all()
-            or known.sum() < MIN_VALUES
+            or known.sum() < MIN_DISTINCT_VALUES
         ):
             continue
         pair = np.cov((series.values[known][:, [i, j]] / noises).T)
         least, across = np.linalg.eigh(pair)
-        if least[0] < SAME_MOTION:
+        if least[0] < MAX_VARIANCE_RATIO:
             times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
             data = {"other": one.column, "times": times}
             problems.append(_make_problem(series.rows[0], Code.SHOWN_TWICE, other.column, **data))
@@ -186,13 +189,16 @@ def _find_mix_ups(series: "Series", mapping: "ColumnMapping", channels: dict) ->
         if measures.startswith("dd") and displacement is not None:
             pair = series.values[:, [k, displacement]]
             pair = pair[np.isfinite(pair).all(axis=1)]
-            if len(pair) > MIN_VALUES and np.corrcoef(pair.T)[0, 1] > WRONG_SIGN:
+            if (
+                len(pair) > MIN_DISTINCT_VALUES
+                and np.corrcoef(pair.T)[0, 1] > MAX_ACCELERATION_CORRELATION
+            ):
                 other = mapping.channels[displacement].column
                 problems.append(_make_problem(first, Code.SIGN_UNLIKELY, column, other=other))
         if measures.endswith("q_w") and vertical is not None:
             other = mapping.channels[vertical].column
             size, compared = (channels[name]["standard_deviation"] for name in (column, other))
-            if (times := size / max(compared, np.finfo(float).tiny)) > MAX_SIDEWAYS:
+            if (times := size / max(compared, np.finfo(float).tiny)) > MAX_HORIZONTAL_RATIO:
                 data = {"other": other, "times": times}
                 problems.append(_make_problem(first, Code.COLUMNS_SWAPPED, column, **data))
     return problems
@@ -215,7 +221,7 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     """
     signals = []
     usual = float(np.median(np.diff(time)))
-    longest = max(REPORTED_GAP * usual, SPLIT_GAP * sampled_time(time))
+    longest = max(MIN_REPORTED_GAP * usual, MIN_SPLIT_GAP * sampled_time(time))
     edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
     for begin, end in pairwise(edges):
         first, last = time[begin], time[end - 1]
@@ -235,7 +241,7 @@ def sampled_time(time: np.ndarray, step: float | None = None) -> float:
     """
     steps = np.diff(time)
     usual = np.median(steps) if step is None else step
-    return float(steps[steps <= REPORTED_GAP * usual].sum())
+    return float(steps[steps <= MIN_REPORTED_GAP * usual].sum())
 
 
 def find_peaks(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -265,7 +271,7 @@ def _inspect_channel(
     around, peaks = find_peaks(share)
     turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
     outliers = find_outliers(t, y, frequency[peaks])
-    after = np.flatnonzero(np.diff(t) > REPORTED_GAP * np.median(np.diff(t))) + 1
+    after = np.flatnonzero(np.diff(t) > MIN_REPORTED_GAP * np.median(np.diff(t))) + 1
     motion = float(np.std(y))
     thirds = np.array_split(y, 3)
     described = {
@@ -281,27 +287,30 @@ def _inspect_channel(
     drifts = np.ptp(means) > max(motion, 10 * sigma)
     moves, shift = _find_mean_shift(t, y) if drifts else (0, 0.0)
     problems, shown = [], "" if unit == "1" else unit
-    coarse = len(peaks) > 0 and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD
+    coarse = (
+        len(peaks) > 0
+        and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / MIN_SAMPLES_PER_PERIOD
+    )
     if outliers.any():
         problems.append((row[outliers][0], Code.OUTLIERS_SEEN, {"count": outliers.sum()}))
     at_end = np.isin(y, find_saturated_values(y))
-    flat = np.convolve(at_end, np.ones(MIN_CLIPPED), mode="valid") >= MIN_CLIPPED
+    flat = np.convolve(at_end, np.ones(MIN_CLIPPED_SAMPLES), mode="valid") >= MIN_CLIPPED_SAMPLES
     if flat.any():
         at = int(np.argmax(flat))
         problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
     elif (jump := _find_jump(t, y, turn / step)) is not None:
         at, change = jump
         problems.append((row[at], Code.CHANNEL_JUMPS, {"change": change, "unit": shown}))
-    if (missed := 1.0 - sampled_time(t) / sampled_time(time)) > MAX_MISSED:
+    if (missed := 1.0 - sampled_time(t) / sampled_time(time)) > MAX_MISSING_SHARE:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, Code.SAMPLES_MISSING, {"share": missed}))
-    if (different := len(np.unique(y))) < MIN_VALUES:
+    if (different := len(np.unique(y))) < MIN_DISTINCT_VALUES:
         problems.append((row[0], Code.RESOLVED_COARSELY, {"values": different}))
     stands_out = around.max() * np.log(2.0) > MIN_PEAK * 5.0 * np.median(share)
-    if motion < MIN_SIGNAL * sigma and not (coarse or (is_rate and stands_out)):
+    if motion < MIN_SIGNAL_TO_NOISE * sigma and not (coarse or (is_rate and stands_out)):
         problems.append((row[0], Code.MOSTLY_NOISE, {}))
     if coarse:
-        problems.append((row[0], Code.SAMPLED_COARSELY, {"samples": PER_PERIOD}))
+        problems.append((row[0], Code.SAMPLED_COARSELY, {"samples": MIN_SAMPLES_PER_PERIOD}))
     if moves:
         problems.append((row[moves], Code.MEAN_MOVES, {"change": shift, "unit": shown}))
     elif drifts:
@@ -317,14 +326,14 @@ def find_outliers(time: np.ndarray, values: np.ndarray, frequencies: np.ndarray)
     samples in a period, outliers cannot be distinguished from the motion, and none is found.
     """
     step = float(np.median(np.diff(time)))
-    if len(frequencies) and frequencies[0] * step > (1.0 + TIME_ROUNDING) / PER_PERIOD:
+    if len(frequencies) and frequencies[0] * step > (1.0 + TIME_ROUNDING) / MIN_SAMPLES_PER_PERIOD:
         return np.zeros(len(values), bool)
     scale = max(estimate_noise(values), 1e-9 * float(np.ptp(values)))
     turn = 2.0 * np.pi * step * frequencies.max(initial=0.0)
     bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
-    apart = OUTLIER_NOISES * scale + np.ptp(values) * max(bend, 0.05)
-    is_outlier = np.abs(values - median_filter(values, NEIGHBOURS)) > apart
-    after = np.flatnonzero(np.diff(time) > REPORTED_GAP * step) + 1
+    apart = OUTLIER_DEVIATION * scale + np.ptp(values) * max(bend, 0.05)
+    is_outlier = np.abs(values - median_filter(values, MEDIAN_SAMPLES)) > apart
+    after = np.flatnonzero(np.diff(time) > MIN_REPORTED_GAP * step) + 1
     ends = np.concatenate([[0, len(time)], after])  # where a median has no neighbours on one side
     is_outlier[np.add.outer((-2, -1, 0, 1), ends) % len(time)] = False
     return is_outlier
@@ -338,21 +347,21 @@ def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int,
     """
     step = float(np.median(np.diff(time)))
     half = round_down(np.pi / 2.0 / omega / step) if omega else 0
-    if half < NEIGHBOURS or len(time) < 4 * half:
+    if half < MEDIAN_SAMPLES or len(time) < 4 * half:
         return None
     place = (np.arange(2 * half) - half + 0.5) / half
     shape = np.column_stack([legvander(place, 4), place > 0])
-    jump = np.correlate(median_filter(values, NEIGHBOURS), np.linalg.pinv(shape)[-1], "valid")
+    jump = np.correlate(median_filter(values, MEDIAN_SAMPLES), np.linalg.pinv(shape)[-1], "valid")
     uneven = np.abs(np.diff(time) - step) > 0.5 * step  # a gap, or a clock of its own
     jump[np.convolve(uneven, np.ones(2 * half - 1), mode="valid") > 0.5] = np.nan
     size = np.abs(jump)
     if np.isnan(size).all():
         return None
     at = int(np.nanargmax(size))
-    around = JUMP_SIDES * half
+    around = JUMP_REACH * half
     near = size[max(0, at - around) : at + around + 1]  # of a motion that decays
     usual = max(np.nanmedian(size), np.nanmedian(near)) / 0.6745
-    if size[at] <= max(OUTLIER_NOISES * usual, MIN_JUMP * np.ptp(values)):
+    if size[at] <= max(OUTLIER_DEVIATION * usual, MIN_JUMP * np.ptp(values)):
         return None
     return at + half, float(jump[at])
 
@@ -384,14 +393,14 @@ def _find_implausible(
     described: dict, unit: str, time: np.ndarray, values: np.ndarray
 ) -> list[tuple[Code, dict]]:
     """List properties of a channel, measuring a span in `unit`, that no span has."""
-    if unit not in RANGES:
+    if unit not in PLAUSIBLE_RANGES:
         return []
-    (least, most), size = RANGES[unit], described["highest"] - described["lowest"]
+    (least, most), size = PLAUSIBLE_RANGES[unit], described["highest"] - described["lowest"]
     unlikely = []
     if not least <= size <= most:
         data = {"size": size, "least": least, "most": most, "unit": unit}
         unlikely.append((Code.UNIT_UNLIKELY, data))
-    slowest, fastest = FREQUENCIES
+    slowest, fastest = PLAUSIBLE_FREQUENCIES
     dominant = described["dominant_frequencies_hz"]
     likely = any(slowest <= frequency <= fastest for frequency in dominant)
     if dominant and not likely and _is_recurrent(time, values, dominant[0]):

@@ -18,7 +18,7 @@ from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.forced_motion import model_spectra
 from galloping.identification.random_forces.start import place_on_grid
-from galloping.inspection.quality import REPORTED_GAP, spectrum
+from galloping.inspection.quality import MIN_REPORTED_GAP, spectrum
 from galloping.readers.units import meaning, plain_unit, state_unit
 from galloping.recording.samples import Recording
 
@@ -264,7 +264,7 @@ def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     """Reduce samples to the least and greatest of many stretches, as dense as a figure can show."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
-    gaps = np.flatnonzero(np.diff(time) > REPORTED_GAP * np.median(np.diff(time))) + 1
+    gaps = np.flatnonzero(np.diff(time) > MIN_REPORTED_GAP * np.median(np.diff(time))) + 1
     between = (time[gaps - 1] + time[gaps]) / 2
     places = np.arange(len(time))
     if len(time) > 2 * ENVELOPE_POINTS:

@@ -45,8 +45,7 @@ from galloping.identification.random_forces import forced_motion as in_random_fo
 from galloping.identification.random_forces.low_pass import apply_model_filter
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import identify_excerpts
-from galloping.inspection.quality import PERIODS as PERIODS_HELD
-from galloping.inspection.quality import find_peaks, sampled_time, spectrum
+from galloping.inspection.quality import MIN_PERIODS, find_peaks, sampled_time, spectrum
 from galloping.passes import part, passing
 from galloping.readers.units import EMPTY
 from galloping.recording.samples import Input, Recording, typical_inputs
@@ -366,12 +365,12 @@ def _check_recordings(found: object, recordings: object) -> list[Recording]:
 def longest_period(recordings: Sequence[Recording]) -> float:
     """Return the longest period (s) among the dominant oscillations of the recorded channels.
 
-    It is the first of each channel of which the recording has PERIODS_HELD periods: slower ones are
+    It is the first of each channel of which the recording has MIN_PERIODS periods: slower ones are
     drifts of the mean, which accompany a growing motion. Infinite if no channel oscillates.
     """
     frequencies = []
     for recording in recordings:
-        least = PERIODS_HELD / sampled_time(recording.time, recording.step) * (1.0 - TIME_ROUNDING)
+        least = MIN_PERIODS / sampled_time(recording.time, recording.step) * (1.0 - TIME_ROUNDING)
         for channel in Sensed.by(recording).samples(recording).T:
             known = np.isfinite(channel)
             if np.count_nonzero(known) > 1:
