@@ -19,7 +19,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import derive
 from galloping.model.intervals import median_and_interval
 from galloping.model.polynomial import PolynomialModel, polynomial_library
-from galloping.recording.measurement import BY_NAME as PROTOCOLS
+from galloping.recording.measurement import PROTOCOLS_BY_NAME as PROTOCOLS
 from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
 

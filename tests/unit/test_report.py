@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from galloping.configuration.load import load, plain
-from galloping.recording.measurement import IN_DEVIATIONS
+from galloping.recording.measurement import DEVIATION_UNIT
 from galloping.report.data_dictionary import meaning
 from galloping.report.equations import as_symbols, side_by_side
 from galloping.report.page import Item, as_html, render
@@ -115,7 +115,7 @@ def test_the_headline_is_read_from_the_tables():
          (("as chosen", "maximum_likelihood", 0.5), ("as chosen", "stlsq", 17.0),
           ("as chosen", "weak", 30.0), ("oracle", "weak", 1.0))]
     )  # fmt: skip
-    about = {"case": "line", "protocol": "state", "noise_unit": IN_DEVIATIONS}
+    about = {"case": "line", "protocol": "state", "noise_unit": DEVIATION_UNIT}
     place = {"case": "line", "parameter": "wind_speed"}
     cycles = pd.DataFrame(
         [{**place, "value": value, "stable": stable, "vertical_amplitude_m": value / 10,
@@ -146,7 +146,7 @@ def test_the_headline_is_read_from_the_tables():
 
 def test_what_needs_no_figure_is_said():
     cell = {"case": "line", "protocol": "state"}
-    about = cell | {"noise_unit": IN_DEVIATIONS}
+    about = cell | {"noise_unit": DEVIATION_UNIT}
     r2 = pd.DataFrame(
         {**cell, "method": method, "level": 0.15, "state": state, "r2_median": value}
         for method, state, value in (

@@ -13,7 +13,7 @@ from galloping.evaluation.bounds import Experiment, on_library, state_bound
 from galloping.line.galerkin import coefficients
 from galloping.line.galerkin import make_model as equations_of
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
-from galloping.recording.measurement import BY_NAME, Motion, recordings_of
+from galloping.recording.measurement import PROTOCOLS_BY_NAME, Motion, recordings_of
 from galloping.recording.samples import Input, Recording, inputs_at_times
 from galloping.trajectory.simulation import (
     Simulator,
@@ -134,8 +134,8 @@ def measure(
         raise ValueError(
             f"motion: has {motion.states.shape[1]} states; the model has {len(model.states)}"
         )
-    if protocol not in BY_NAME:
-        raise ValueError(f"protocol: {protocol!r}; must be one of {', '.join(BY_NAME)}")
+    if protocol not in PROTOCOLS_BY_NAME:
+        raise ValueError(f"protocol: {protocol!r}; must be one of {', '.join(PROTOCOLS_BY_NAME)}")
     amount = float(as_finite("level", level, ()))
     if amount < 0:
         raise ValueError(f"level: {level!r}; must be >= 0")

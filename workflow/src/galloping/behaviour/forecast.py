@@ -16,7 +16,7 @@ from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
 from galloping.passes import passing
 from galloping.readers.units import EMPTY
-from galloping.recording.samples import INTERPOLATED_STEPS, Input, Recording
+from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Input, Recording
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -33,7 +33,7 @@ HORIZON_WINDOWS = 5  # duration of an earlier forecast, in windows
 WIDENING_PREFIX = "forecast_widened_"  # prefix of the diagnostic of a channel's factor
 NO_FORECAST_REASON = "that of what was held out of its recordings was worse than their mean"
 COVERAGE_QUANTILE = 0.01  # probability that a correct band contains a smaller share of the samples
-MAX_SAMPLES = 4000  # largest number of samples in a fit of an initial state
+MAX_SAMPLES = 4000  # largest number of samples in a fit of an initial state: more add little
 MAX_NOISE_EXCESS = 3.0  # largest excess of a mean square over that of noise, in standard errors
 
 
@@ -409,7 +409,7 @@ def _continue(name: str, past: Input, ahead: Input | float, end: float, until: f
     if isinstance(ahead, Input):
         values = ahead(time)
         known = np.isfinite(values)
-        is_short_gap = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED_STEPS * step)
+        is_short_gap = (time < ahead.stretches[0][0]) & (time < end + MAX_INTERPOLATED_STEPS * step)
         is_beyond = time > until
         if not known.any() or not np.all(known | is_short_gap | is_beyond):
             first, last = ahead.stretches[0][0], ahead.stretches[-1][1]

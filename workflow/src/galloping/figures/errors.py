@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from galloping.figures import parts
 from galloping.figures.style import PAPER, QUIET, SERIES, SHADE, SINGLE, method_style, spoken
 from galloping.paper.claims import CLAIMS, Claim
-from galloping.recording.measurement import BY_NAME
+from galloping.recording.measurement import PROTOCOLS_BY_NAME
 from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
 
@@ -235,7 +235,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
         x = [places.position(level, shift[method]) for level in line["level"]]
         parts.series(axes, x, line[["median", "low", "high"]].to_numpy().T, method, limits)
     _note_failures(axes, shown, places)
-    title = [f"{spoken(case)}, {BY_NAME[protocol].meaning}"]
+    title = [f"{spoken(case)}, {PROTOCOLS_BY_NAME[protocol].meaning}"]
     if levels := beaten_at(errors):
         title.append(f"pysindy with the best possible tuning is better than ours at {levels}")
     axes.set_title("\n".join(title), fontsize="small")

@@ -8,7 +8,7 @@ import numpy as np
 from galloping.readers import FileError
 from galloping.readers.file_table import FileTable
 from galloping.readers.mapping import InputColumn
-from galloping.recording.samples import BETWEEN, INTERPOLATED_STEPS, Input
+from galloping.recording.samples import INTERPOLATIONS, MAX_INTERPOLATED_STEPS, Input
 
 MIN_ROWS_PER_SAMPLE = 2  # of a slower instrument, whose samples a logger repeats
 
@@ -29,10 +29,11 @@ def read_inputs(
         known = samples[np.isfinite(samples)]
         if len(known) < 2:
             raise FileError(f"{table.label(column.column)} has {len(known)} samples")
-        kinds = {kind: _make_input(column, time, samples, kind) for kind in BETWEEN}
+        kinds = {kind: _make_input(column, time, samples, kind) for kind in INTERPOLATIONS}
         likely = column.between or ("zero" if _is_staircase(known) else "cubic")
-        others = () if column.between else tuple(kinds[kind] for kind in BETWEEN if kind != likely)
-        inputs[column.name] = replace(kinds[likely], alternatives=others)
+        others = tuple(kinds[kind] for kind in INTERPOLATIONS if kind != likely)
+        alternatives = () if column.between else others
+        inputs[column.name] = replace(kinds[likely], alternatives=alternatives)
     return inputs
 
 
@@ -44,7 +45,7 @@ def _make_input(column: InputColumn, time: np.ndarray, values: np.ndarray, betwe
     steps = np.diff(time[known])
     kept = np.zeros(len(values), bool)
     kept[known] = True
-    for k in np.flatnonzero(steps > INTERPOLATED_STEPS * np.median(steps)):
+    for k in np.flatnonzero(steps > MAX_INTERPOLATED_STEPS * np.median(steps)):
         kept[known[k] : known[k + 1]] = True
     return Input(time[kept] - column.delay, values[kept], between, column.error)
 

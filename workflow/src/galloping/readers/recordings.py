@@ -7,7 +7,7 @@ from galloping.identification.inputs import FEWEST
 from galloping.model.polynomial import velocity_pairs
 from galloping.readers.mapping import Channel, ColumnMapping
 from galloping.readers.series import Series
-from galloping.recording.samples import INTERPOLATED_STEPS, Recording
+from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Recording
 
 # In longest periods of the motion.
 MIN_PERIODS = 3  # of a part of a recording
@@ -154,7 +154,7 @@ def note_missing_inputs(recording: Recording) -> list[str]:
     """List a note for each input that is missing during part of a recording."""
     time = recording.time
     steps = np.diff(time, append=time[-1])
-    steps[steps > INTERPOLATED_STEPS * np.median(steps)] = 0.0  # of the time with samples
+    steps[steps > MAX_INTERPOLATED_STEPS * np.median(steps)] = 0.0  # of the time with samples
     return [
         f"input {name} is not known for {steps[gone].sum():.4g} s, "
         f"{100 * gone.mean():.2g} % of the samples: left out"

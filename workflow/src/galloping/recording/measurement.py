@@ -17,7 +17,7 @@ from galloping.streams import make_generator
 # Contents of recordings: exact states with noisy rates; all states; displacements only; rates.
 DERIVATIVES, ALL_STATES = "derivatives", "states"
 DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
-IN_DEVIATIONS = "standard deviations of each channel"  # unit of a relative noise level
+DEVIATION_UNIT = "standard deviations of each channel"  # unit of a relative noise level
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,12 @@ class Protocol:
         return Noise(states, rates)
 
     def noise_unit(self, relative: bool) -> str:
-        """Return the unit of the noise level, IN_DEVIATIONS if that is the size of the motion.
+        """Return the unit of the noise level, DEVIATION_UNIT if that is the size of the motion.
 
         relative: as in `channel_scale`.
         """
         if relative and self.is_scaled:
-            return IN_DEVIATIONS
+            return DEVIATION_UNIT
         return {DISPLACEMENTS_ALONE: "m", RATES: "m/s²"}.get(self.measures, "SI units")
 
     def noise_label(self, relative: bool) -> str:
@@ -95,7 +95,7 @@ PROTOCOLS = (
     # of the methods only `maximum_likelihood` can use it
     Protocol("acceleration", RATES, "noisy accelerations alone", by_default=False),
 )
-BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
+PROTOCOLS_BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
 
 
 def recordings_of(
@@ -118,7 +118,7 @@ def recordings_of(
     these two numbers only.
     """
     noises = noises_of(motions[:recordings], protocol, level, relative)
-    exact = BY_NAME[protocol].measures == DERIVATIVES
+    exact = PROTOCOLS_BY_NAME[protocol].measures == DERIVATIVES
 
     def record(replicate: int, release: int) -> Recording:
         rng = make_generator(seed, "measurement", *name, replicate, release)
@@ -143,7 +143,7 @@ def noises_of(
     protocol: its name; raises KeyError if it is unknown, and ValueError if it measures
     displacements or accelerations and no state is a velocity.
     """
-    setup, noises = BY_NAME[protocol], []
+    setup, noises = PROTOCOLS_BY_NAME[protocol], []
     for motion in motions:
         pairs = velocity_pairs(motion.names)
         if not pairs and setup.measures in (DISPLACEMENTS_ALONE, RATES):

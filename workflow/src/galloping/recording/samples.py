@@ -38,14 +38,14 @@ class Frame(Protocol):
 
 
 Times: TypeAlias = "ArrayLike | Sequence[datetime]"
-BETWEEN = ("zero", "linear", "cubic")
-# Median steps between two samples up to which an input is interpolated. Shorter gaps are reported
-# as well, but an input is known well enough if three of its samples are missing.
-INTERPOLATED_STEPS = 4.5
-# Points of the Gauss-Legendre quadrature between two knots: exact for products of a cubic and a
-# polynomial of degree eight.
+INTERPOLATIONS = ("zero", "linear", "cubic")
+# Longest gap of an input that is interpolated, in median steps. Shorter gaps are reported as well,
+# but an input is known well enough if three of its samples are missing.
+MAX_INTERPOLATED_STEPS = 4.5
+# Number of points of the Gauss-Legendre quadrature between two knots: exact for products of a
+# cubic and a polynomial of degree eight.
 QUADRATURE_POINTS = 6
-WINDOW_POINTS = 24  # of a window, at which the error of a polynomial is evaluated
+WINDOW_POINTS = 24  # number of points of a window at which the error of a polynomial is computed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,8 +98,10 @@ class Input(Immutable):
             raise ValueError(f"input: values: {values[np.isinf(values)][0]:g}; must be finite")
         if np.isfinite(values).sum() < 2:
             raise ValueError("input: values: fewer than two are there")
-        if self.between not in BETWEEN:
-            raise ValueError(f"input: between: {self.between!r:.60}; must be {', '.join(BETWEEN)}")
+        if self.between not in INTERPOLATIONS:
+            raise ValueError(
+                f"input: between: {self.between!r:.60}; must be {', '.join(INTERPOLATIONS)}"
+            )
         if not isinstance(self.error, Real) or not 0.0 <= self.error < 1.0:
             raise ValueError(f"input: error: {self.error!r:.60}; must be a number in [0, 1)")
         object.__setattr__(self, "time", time)
@@ -119,7 +121,7 @@ class Input(Immutable):
 
         In a held input, a gap is a missing sample, or more missing samples than usual if a logger
         does not write it in every row. In other inputs, it is a time between samples longer than
-        INTERPOLATED_STEPS median steps.
+        MAX_INTERPOLATED_STEPS median steps.
         """
         return tuple((float(time[0]), float(time[-1])) for time, _ in self._pieces)
 
@@ -132,7 +134,7 @@ class Input(Immutable):
             is_gap = rows > 1.5 * np.median(rows)
         else:
             steps = np.diff(time)
-            is_gap = steps > INTERPOLATED_STEPS * np.median(steps)
+            is_gap = steps > MAX_INTERPOLATED_STEPS * np.median(steps)
         edges = np.flatnonzero(is_gap) + 1
         pieces = zip(np.split(time, edges), np.split(values, edges), strict=True)
         return [piece for piece in pieces if len(piece[0]) > 1]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.paper.unknowns import LABELS
-from galloping.recording.measurement import IN_DEVIATIONS
+from galloping.recording.measurement import DEVIATION_UNIT
 from galloping.results import BOUND, OURS, PAPER_METHOD
 from galloping.tables.scores import CHOSEN
 
@@ -98,7 +98,7 @@ def inferred(region: pd.DataFrame) -> list[str]:
 
 
 def _describe_noise(level: float, unit: str) -> str:
-    return f"{100 * level:g} % noise" if unit == IN_DEVIATIONS else f"noise of {level:g} {unit}"
+    return f"{100 * level:g} % noise" if unit == DEVIATION_UNIT else f"noise of {level:g} {unit}"
 
 
 def _select_single_recordings(efficiency: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from galloping.configuration.settings import Settings, TrialSection
 from galloping.cycles.family import PARAMETERS
 from galloping.identification import registry
 from galloping.identification.registry import Method
-from galloping.recording.measurement import BY_NAME, Protocol
+from galloping.recording.measurement import PROTOCOLS_BY_NAME, Protocol
 from galloping.results import JOINT, NOISE, SUBSET
 
 
@@ -244,7 +244,7 @@ class Study:
     @property
     def protocols(self) -> tuple[Protocol, ...]:
         """Measurement setups of the study, in the order of the settings."""
-        return tuple(BY_NAME[name] for name in self.settings.measurement.protocols)
+        return tuple(PROTOCOLS_BY_NAME[name] for name in self.settings.measurement.protocols)
 
     @property
     def methods(self) -> tuple[Method, ...]:

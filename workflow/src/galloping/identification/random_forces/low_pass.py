@@ -9,7 +9,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import sampled_rates
-from galloping.recording.samples import INTERPOLATED_STEPS, Recording
+from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Recording
 
 # The edge of the filter is from 1 - ROLL_OFF to 1 + ROLL_OFF times the frequency in its middle. A
 # wider edge separates close modes less; a narrower one needs more samples beside gaps and ends
@@ -98,7 +98,7 @@ def _filter_channel(
     grid = np.arange(given_time[0], given_time[-1] + given_step / 2.0, given_step)
     bridged, filtered = np.interp(grid, given_time, values), np.full(len(time), np.nan)
     gaps = np.flatnonzero(
-        np.diff(given_time) > max(INTERPOLATED_STEPS * given_step, BRIDGED * step)
+        np.diff(given_time) > max(MAX_INTERPOLATED_STEPS * given_step, BRIDGED * step)
     )
     begins = np.append(given_time[gaps], given_time[-1])
     ends = np.append(given_time[gaps + 1], np.inf)
