@@ -26,14 +26,14 @@ from galloping.recording.samples import Recording
 # vibration, buffeting). If the recorded motion dies out and that of the model does not, the model
 # is not that of the line.
 MAX_DECAY_RATIO = 1 / 3  # size of the last third of a decaying motion, relative to all of it
-OUTLASTING_RATIO = 3.0  # size of the last third of a motion that outlasts another, relative to it
+OUTLASTING_RATIO = 3.0  # size of the last third of a lasting motion, relative to that of the other
 N_PARTS = 3  # number of parts of a recording that are compared
 MIN_PERIODS = 15  # smallest length of a part, in periods
 # A difference counts if the errors of the common model exceed both limits. Measured: the ratio is
 # at most 1 for thirds of recordings in gusts of 5 %, and 5 if the winds differ by 4 %.
 MIN_ERROR_SHARE = 0.03  # error of the common model, relative to the motion
 MIN_ERROR_RATIO = 2.0  # error of the common model, relative to that of the models of the parts
-SIGNIFICANT_DIFFERENCE = 3.5  # of two halves, in standard errors: by chance 1 of 500 sets of 4
+SIGNIFICANT_DIFFERENCE = 3.5  # difference of halves, in standard errors: chance 1 in 500 sets of 4
 ERROR_SHARE_PREFIX = "error_share_all_"  # prefix of a channel's diagnostic in approximate models
 
 Identify = Callable[[Sequence[Recording]], IdentifiedModel]

@@ -22,7 +22,7 @@ CORRECTION_TOLERANCE = 1e-9  # largest length of the last correction, in steps
 FIRST_STEP = 0.1  # first step, relative to the longest one
 MIN_STEP = 1e-6  # shortest step, relative to the longest one
 MIN_COSINE = 0.9  # smallest cosine of the angle between the tangents of successive points
-CLOSURE_TOLERANCE = 1e-3  # of period and size of a branch that has returned to its start, relative
+CLOSURE_TOLERANCE = 1e-3  # difference of period and size at the ends of a closed branch, relative
 BranchEnd = Enum("BranchEnd", "BOUND START CEILING EQUILIBRIUM PERIOD_DOUBLING INCOMPLETE")
 
 

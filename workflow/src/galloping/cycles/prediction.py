@@ -28,12 +28,12 @@ from galloping.passes import passing
 from galloping.trajectory.simulation import Simulator
 
 # Simulations that end near enough to a limit cycle for its correction.
-RECORDED_WATCH = SPAN_WATCH.during(2000.0, 200.0)  # in the recorded wind
-PREDICTED_WATCH = SPAN_WATCH.during(1500.0, 50.0)  # in a predicted wind
-CORRECTION_TOLERANCE = 1e-4  # length of the last correction, in steps: the error is its square
+RECORDED_WATCH = SPAN_WATCH.during(2000.0, 200.0)  # of the model at the recorded wind speed
+FORECAST_WATCH = SPAN_WATCH.during(1500.0, 50.0)  # of an identified model, from an initial state
+CORRECTION_TOLERANCE = 1e-4  # last correction, in steps: the error is about its square
 # Shares of a change of model at which limit cycles are followed: at once, or in steps.
 CHANGE_SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
-MIN_INTERVAL_DRAWS = MODEL_DRAWS / 2  # smallest number of results of which an interval is made
+MIN_INTERVAL_DRAWS = MODEL_DRAWS / 2  # smallest number of drawn models of which an interval is made
 MAX_CYCLE_SIZE = 5.0  # largest size of an orbit, in sizes of the recorded motion
 
 
@@ -319,7 +319,7 @@ def limit_cycle_ahead(
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
     best = identified.model.without_absent_terms()
-    motion = settle(Simulator(best.states, best.terms), best, start, PREDICTED_WATCH)
+    motion = settle(Simulator(best.states, best.terms), best, start, FORECAST_WATCH)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
     point = limit_cycles.cycle_from_motion(

@@ -8,7 +8,7 @@ import numpy as np
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.trajectory.simulation import Simulator
 
-SPREAD_TOLERANCE = 0.01  # spread of the sizes of the pieces of a limit cycle, relative
+SPREAD_TOLERANCE = 0.01  # largest spread of the sizes of the pieces of a limit cycle, relative
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Watch:
         return replace(self, duration=duration, window=window or self.window)
 
 
-# Of a span in SI units, which moves at 0.1 to 2 Hz. A motion of a millimetre has died out.
+# Simulation of a span in SI units, which moves at 0.1 to 2 Hz. A millimetre counts as rest.
 SPAN_WATCH = Watch(duration=4000.0, window=1000.0, piece=50.0, rate=20.0, rest=1e-3)
 
 

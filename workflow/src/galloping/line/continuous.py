@@ -29,7 +29,7 @@ from galloping.results import Motion
 
 AERODYNAMICS = ("small_angle", "relative")
 INTEGRATION_STEP = 0.005  # longest step, s: an eightieth of the shortest period of 13 modes
-MAX_STEP_PHASE = 0.5  # longest step, in radians of the fastest mode; beyond 2.8 it is unstable
+MAX_STEP_PHASE = 0.5  # longest step, in radians of the fastest mode: unstable above 2.8
 
 
 # the parts of a `Span` from which its rates are computed
