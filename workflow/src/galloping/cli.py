@@ -10,13 +10,13 @@ from galloping import __version__
 from galloping.command_errors import OneLineErrors
 from galloping.summary.terminal import json_text, print_rows, show_progress
 
-ROWS_AT_ONCE = 100_000  # of a simulation
-MAX_FORECAST_ROWS = 1_000_000
-# New objects between two searches for garbage: imports and figures make hundreds of thousands of
-# objects and hardly any garbage, and more searches would cost `identify` a few percent.
+ROWS_PER_BLOCK = 100_000  # number of rows that are simulated at once
+MAX_FORECAST_ROWS = 1_000_000  # largest number of rows of a forecast
+# Number of new objects between two searches for garbage: imports and figures make hundreds of
+# thousands of objects and hardly any garbage, and more searches cost `identify` a few percent.
 GARBAGE_THRESHOLD = 100_000
-REFUSED = 3  # exit code: the recordings give no model
-MAX_NUMBER = 1e100  # of an option: products of two are finite
+EXIT_REFUSED = 3  # exit code if the recordings give no model
+MAX_NUMBER = 1e100  # largest number in an option: products of two are finite
 
 
 class _PositiveNumber(click.FloatRange):
@@ -29,7 +29,7 @@ class _PositiveNumber(click.FloatRange):
         return number
 
 
-POSITIVE = _PositiveNumber(0, min_open=True)
+POSITIVE_NUMBER = _PositiveNumber(0, min_open=True)
 
 
 @click.group(cls=OneLineErrors, context_settings={"help_option_names": ["-h", "--help"]})
@@ -220,7 +220,7 @@ def identify(
         text, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
         click.echo(f"{text}Written to {output}: summary.md also contains the technical part")
     if identified.status == "refused":
-        raise SystemExit(REFUSED)
+        raise SystemExit(EXIT_REFUSED)
 
 
 @main.command()
@@ -272,9 +272,9 @@ def _write_mapping(file, path, options) -> dict:
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.argument("file", type=click.Path())
 @_mapping_options
-@click.option("--duration", type=POSITIVE,
+@click.option("--duration", type=POSITIVE_NUMBER,
               help="Length of the forecast, s; by default that of the window.")  # fmt: skip
-@click.option("--window", type=POSITIVE,
+@click.option("--window", type=POSITIVE_NUMBER,
               help="Length of the last part of FILE that the forecast starts from, s; by default "
               "six periods.")  # fmt: skip
 @at_option
@@ -350,10 +350,10 @@ def show(model, latex, as_json):
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.option(
     "--duration",
-    type=POSITIVE,
+    type=POSITIVE_NUMBER,
     help="Duration, s; by default 60 periods of the slowest mode, at most that of the inputs.",
 )
-@click.option("--rate", type=POSITIVE,
+@click.option("--rate", type=POSITIVE_NUMBER,
               help="Samples per second, Hz; by default 60 in a period of the fastest small "
               "motion.")  # fmt: skip
 @click.option(
@@ -427,7 +427,7 @@ def _simulate_rows(path, model, state, rate: float, last: int, inputs) -> Iterat
     limit = escape_distance(state)
     names, first = ("time_s", *model.states), 0
     while True:
-        until = min(first + ROWS_AT_ONCE, last)
+        until = min(first + ROWS_PER_BLOCK, last)
         times = np.arange(first, until + 1) / rate
         trajectory = simulator(model, state, times, inputs, limit)
         rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]

@@ -8,7 +8,7 @@ import click
 
 from galloping.extras import missing_line
 
-INTERRUPTED = 130  # exit code: Ctrl-C
+EXIT_INTERRUPTED = 130  # exit code after Ctrl-C
 
 
 class OneLineErrors(click.Group):
@@ -28,7 +28,7 @@ class OneLineErrors(click.Group):
             if isinstance(cause, SystemExit):
                 raise cause from None
             click.echo("Interrupted", err=True)
-            context.exit(INTERRUPTED)
+            context.exit(EXIT_INTERRUPTED)
         except ModuleNotFoundError as error:
             raise click.ClickException(missing_line(error)) from error
         except BrokenPipeError:

@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from sklearn.utils import Tags
 
 Library: TypeAlias = str | Sequence[str] | Sequence[Exponents] | None
-# Degree of the default library: friction, drag and stiffness have cubic terms, but a recording of
-# some periods does not distinguish the many cubic terms of more states and inputs.
-DEFAULT_DEGREE, MAX_CUBIC_NAMES, DEGREE_OF_MANY = 3, 4, 2
+DEFAULT_DEGREE = 3  # degree of the default library: friction, drag and stiffness have cubic terms
+# Largest number of states and inputs for this degree: a recording of some periods does not
+# distinguish the cubic terms of more of them.
+MAX_CUBIC_NAMES = 4
+REDUCED_DEGREE = 2  # degree of the default library of more states and inputs
 
 
 class NotFittedError(ValueError, AttributeError):
@@ -344,7 +346,7 @@ class MaximumLikelihood:
         """Return the terms of the library, and the equations in which each may be."""
         count = len(states) + len(inputs)
         if self.library is None:
-            usual = DEFAULT_DEGREE if count <= MAX_CUBIC_NAMES else DEGREE_OF_MANY
+            usual = DEFAULT_DEGREE if count <= MAX_CUBIC_NAMES else REDUCED_DEGREE
             return polynomial_library(count, usual if self.degree is None else self.degree), None
         if self.degree is not None:
             raise ValueError(f"degree: {self.degree!r:.60}; must be None beside a library")

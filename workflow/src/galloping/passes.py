@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-PASS = 0.04  # share of the rest of a part that a pass does; the number of passes is unknown
+PASS_SHARE = 0.04  # share of the rest of a part that a pass does: the number of passes is unknown
 
 
 @dataclass
@@ -73,5 +73,5 @@ def part(name: str, until: float) -> Iterator[None]:
 def passing(what: str) -> None:
     """Report to the listener of `progress` that an iteration of the step `what` begins."""
     if (state := _state.get()) is not None:
-        state.done += PASS * (state.end - state.done)
+        state.done += PASS_SHARE * (state.end - state.done)
         state.listen(f"{state.part}: {what}" if state.part else what, state.done)

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-PARTIAL = ".partial-"  # prefix of the name of an unfinished file
+PARTIAL_PREFIX = ".partial-"  # prefix of the name of an unfinished file
 
 
 def partial_prefix() -> str:
     """Return the name prefix of this process's temporary files, which remain if it is killed."""
-    return f"{PARTIAL}{os.getpid()}-"
+    return f"{PARTIAL_PREFIX}{os.getpid()}-"
 
 
 @contextmanager
@@ -53,7 +53,7 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
     try:
         partial.mkdir(parents=True)
         lock = _lock_folder(partial)
-        for remnant in parent.glob(f"{PARTIAL}*-{glob.escape(target.name)}"):
+        for remnant in parent.glob(f"{PARTIAL_PREFIX}*-{glob.escape(target.name)}"):
             if remnant != partial and (remnant_lock := _lock_folder(remnant)) is not None:
                 shutil.rmtree(remnant, ignore_errors=True)
                 os.close(remnant_lock)

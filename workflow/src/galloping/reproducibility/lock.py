@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 
 from galloping.configuration.yaml_file import ConfigurationError
-from galloping.storage import PARTIAL
+from galloping.storage import PARTIAL_PREFIX
 
 MARK = ".running"  # in the results folder: the process that works there, empty if none does
 RESULTS_VARIABLE = "GALLOPING_RESULTS"  # in the environment of all that a run starts
@@ -153,7 +153,7 @@ def end_orphans(results: str) -> int:
 
 def clear_unfinished(results: str) -> Iterator[str]:
     """Remove partly written files, see `storage.replacing`; yield a message for each."""
-    for path in sorted(Path(results).rglob(f"{PARTIAL}*")):
+    for path in sorted(Path(results).rglob(f"{PARTIAL_PREFIX}*")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
         yield f"removed the unfinished {path}"
 
