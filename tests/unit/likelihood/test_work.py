@@ -11,7 +11,7 @@ from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import make_problem
 from galloping.identification.selection import select_support
-from galloping.identification.work import MOST_WORK, limit_work, work_limit
+from galloping.identification.work import MAX_WORK, limit_work, work_limit
 from galloping.trials.published import SYSTEMS
 
 # its first swings are far quicker than most of the record: the first time scale gives no model
@@ -33,12 +33,12 @@ def searched(recording, most):
 
 @pytest.fixture(scope="module")
 def whole(recording):
-    return searched(recording, MOST_WORK)
+    return searched(recording, MAX_WORK)
 
 
 def test_a_search_within_its_limit_is_that_without_one(recording, whole):
     found, used = whole
-    assert found.status == "ok" and 0 < used < 0.1 * MOST_WORK
+    assert found.status == "ok" and 0 < used < 0.1 * MAX_WORK
     again, counted = searched(recording, 2.0 * used)  # each start has a portion
     assert counted == used and again.findings == found.findings
     assert np.array_equal(again.model.coefficients, found.model.coefficients)

@@ -19,7 +19,7 @@ from galloping.behaviour.following import Following, without_outliers
 from galloping.cycles.settling import Pace
 from galloping.evaluation.bounds import Experiment, fisher_information, weighted_sensitivities
 from galloping.identification.drawn_models import draw_models_and_rivals
-from galloping.identification.identified_model import RANGE, IdentifiedModel
+from galloping.identification.identified_model import RANGE_SUFFIXES, IdentifiedModel
 from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.no_model import NoModel, attempt
 from galloping.inspection.excerpts import excerpts
@@ -103,7 +103,7 @@ def with_extent(identified: IdentifiedModel, recordings: Sequence[Recording]) ->
     around, states = Surroundings.of(recordings), identified.model.states
     extent = {
         f"{state}{end}": float(value)
-        for end, values in zip(RANGE, (around.low, around.high), strict=True)
+        for end, values in zip(RANGE_SUFFIXES, (around.low, around.high), strict=True)
         for state, value in zip(states, values, strict=True)
         if np.isfinite(value)
     }

@@ -11,8 +11,8 @@ import numpy as np
 from galloping.arrays import first_from
 from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.following import Following
-from galloping.identification.identified_model import LITTLE_TOLD, IdentifiedModel
-from galloping.identification.inputs import FEWEST
+from galloping.identification.identified_model import MIN_FORECAST_R2, IdentifiedModel
+from galloping.identification.inputs import MIN_SAMPLES
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import amplitude_fluctuates
@@ -100,7 +100,7 @@ def _find_random_forces(
     if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):
         return []  # a complete search may find a model
     r2 = float(linear.diagnostics.get("forecast_r2", 0.0))  # a model in random forces has none
-    return sustained if r2 < LITTLE_TOLD or recording_outlasts_model(linear, parts) else []
+    return sustained if r2 < MIN_FORECAST_R2 or recording_outlasts_model(linear, parts) else []
 
 
 def _find_outlived(identified: IdentifiedModel, recordings: Sequence[Recording]) -> list[Finding]:
@@ -157,7 +157,7 @@ def _find_changes_at_random(
     Its halves then differ by more than SIGNIFICANT_DIFFERENCE standard errors.
     """
     is_short = np.ptp(recording.time) < 2 * MIN_PERIODS * period
-    if identified.model.inputs or is_short or len(recording.time) < 2 * FEWEST:
+    if identified.model.inputs or is_short or len(recording.time) < 2 * MIN_SAMPLES:
         return []
     middle, model = len(recording.time) // 2, identified.model
     halves = [recording[:middle], recording[middle:]]
@@ -291,7 +291,7 @@ def find_difference(
     errors: recordings that one model follows are of one system.
     """
     is_exact = together.status not in ("approximate", "refused")
-    if is_exact or len(parts) < 2 or min(len(part.time) for part in parts) < FEWEST:
+    if is_exact or len(parts) < 2 or min(len(part.time) for part in parts) < MIN_SAMPLES:
         return None
     alone = [identify([part]) for part in parts]
     if any(each.status == "refused" for each in alone):

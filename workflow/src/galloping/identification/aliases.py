@@ -19,11 +19,11 @@ from galloping.model.intervals import MODEL_DRAWS
 from galloping.model.polynomial import Exponents, exponent_matrix, term_name
 from galloping.recording.samples import Recording, inputs_at_times
 
-# A factor is a combination of simpler ones if these leave less than this share of its length, times
+# Largest residual of a factor that is a combination of simpler ones, relative to its length and to
 # the root of their number plus one. For factors of unit length, smaller coefficients are rounding.
-EXACT = 1e-9
-MOST_VALUES = 4096  # most combinations of recorded input values at which terms are compared
-MOST_SHOWN = 4  # most exchanges of terms that a finding names
+ROUNDING = 1e-9
+MAX_INPUT_VALUES = 4096  # most combinations of recorded input values at which terms are compared
+MAX_EXCHANGES = 4  # most exchanges of terms in the text of a finding
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def _distinct_input_values(problem: Problem, recordings: Sequence[Recording]) ->
         recorded.append(inputs_at_times(inputs, moments))
     values = np.concatenate(recorded)
     values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
-    return values[:: max(-(-len(values) // MOST_VALUES), 1)]
+    return values[:: max(-(-len(values) // MAX_INPUT_VALUES), 1)]
 
 
 def _complexity_key(powers: np.ndarray) -> tuple:
@@ -105,9 +105,9 @@ def _find_combinations(
             continue
         column = column / size
         combination = np.linalg.lstsq(columns, column, rcond=None)[0] if kept else np.empty(0)
-        if np.linalg.norm(column - columns @ combination) < EXACT * np.sqrt(1 + len(kept)):
+        if np.linalg.norm(column - columns @ combination) < ROUNDING * np.sqrt(1 + len(kept)):
             parts = zip(kept, combination, strict=True)
-            yield place, {k: float(c * size / unit) for (k, unit), c in parts if abs(c) > EXACT}
+            yield place, {k: float(c * size / unit) for (k, unit), c in parts if abs(c) > ROUNDING}
         else:
             kept.append((place, size))
             columns = np.column_stack([columns, column])
@@ -152,7 +152,7 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
         f"d({problem.states[alias.equation]})/dt"
         for alias, term in exchanges
     )
-    terms = ", ".join(list(parts)[:MOST_SHOWN])
+    terms = ", ".join(list(parts)[:MAX_EXCHANGES])
     finding = Finding.of(Code.ALIASED_TERMS, ", ".join(problem.inputs), terms=terms)
     with_rivals = replace(identified, rivals=np.array(rivals), rival_share=share)
     return with_rivals.with_findings(finding)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from galloping.identification.identified_model import BY_TERM, RANGE, IdentifiedModel
+from galloping.identification.identified_model import RANGE_SUFFIXES, TERM_FIELDS, IdentifiedModel
 from galloping.identification.observations import Code, Finding
-from galloping.identification.problem import MOST_SURPRISE, Problem
+from galloping.identification.problem import MAX_PRIOR_DEVIATION, Problem
 from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import exponent_matrix, has_functions
 from galloping.recording.samples import Recording
@@ -61,7 +61,7 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
         return whole
 
     coefficients = spread_values(identified.model.coefficients, 0.0)
-    by_term: Any = {name: spread_values(getattr(identified, name), np.nan) for name in BY_TERM}
+    by_term: Any = {name: spread_values(getattr(identified, name), np.nan) for name in TERM_FIELDS}
     return replace(
         identified,
         model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
@@ -73,8 +73,8 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
 def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """Add a finding to a model for each coefficient that contradicts its prior or bounds.
 
-    A coefficient does so if recordings alone would put it MOST_SURPRISE deviations from its prior,
-    or further, or out of its bounds: then the prior is wrong, or the model is.
+    A coefficient does so if recordings alone would put it farther than MAX_PRIOR_DEVIATION from its
+    prior, or out of its bounds: then the prior is wrong, or the model is.
 
     The estimate is the mean of both, weighted by their precisions. Its distance from the prior mean
     has the variance of the prior, less the variance of the estimate.
@@ -91,7 +91,7 @@ def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> Ident
             Code.PRIOR_CONTRADICTED, problem.states[i], term=problem.coefficient_name(i, j),
             value=values[i, j], expected=means[i, j], deviation=deviation[i, j],
         )
-        for i, j in np.argwhere(surprise > MOST_SURPRISE)
+        for i, j in np.argwhere(surprise > MAX_PRIOR_DEVIATION)
     ]  # fmt: skip
     for i, term, least, most in problem.bounds:  # some models are fitted without bounds
         j = problem.terms.index(term)
@@ -128,7 +128,7 @@ def add_input_errors(
         values = np.concatenate([one.inputs[name](one.time) for one in stretches])
         ends = np.nanquantile(values, QUANTILES_90)
         sizes.append(float(np.sqrt(np.nanmean(values**2))))
-        ranges = zip(RANGE, map(float, ends), strict=True)
+        ranges = zip(RANGE_SUFFIXES, map(float, ends), strict=True)
         diagnostics |= {f"{name}{end}": value for end, value in ranges}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
         shift = error * power * identified.model.coefficients[at]
@@ -170,8 +170,8 @@ def find_weakly_determined_input_terms(
         ]
     return [
         Finding.of(
-            Code.INPUT_RANGE_SHORT, name, low=diagnostics[name + RANGE[0]],
-            high=diagnostics[name + RANGE[1]], terms=", ".join(names),
+            Code.INPUT_RANGE_SHORT, name, low=diagnostics[name + RANGE_SUFFIXES[0]],
+            high=diagnostics[name + RANGE_SUFFIXES[1]], terms=", ".join(names),
         )
         for name in (model.inputs if names else ())
     ]  # fmt: skip

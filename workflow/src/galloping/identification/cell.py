@@ -9,7 +9,7 @@ from functools import cache, partial
 from pkgutil import resolve_name
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NO_MODEL, as_finding
+from galloping.identification.no_model import NO_MODEL_ERRORS, as_finding
 from galloping.model.functions import n_exponents
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
@@ -41,7 +41,7 @@ def identify(
             try:
                 method_function = resolve_name(settings["function"])
                 model = method_function(evidence(settings["evidence"]), **options)
-            except NO_MODEL as error:
+            except NO_MODEL_ERRORS as error:
                 states, inputs = recordings[0].states, tuple(recordings[0].inputs)
                 inputs = inputs[: n_exponents(terms[0]) - len(states)]
                 model = IdentifiedModel.refused(states, terms, [as_finding(error)], inputs)

@@ -27,16 +27,18 @@ if TYPE_CHECKING:
     from galloping.trajectory.simulation import Trajectory
 
 
-RANGE = ("_low", "_high")  # suffixes of a name in diagnostics: recorded range of the input or state
-# An approximate model may only imitate random forces if the R2 of its forecasts over some periods
-# is below this limit, at which they miss 45 % of the motion. With a higher limit random forces are
-# suspected although a model forecasts well. With a lower one forces are not noticed. With 0.7 and
+# Suffixes of the names of recorded ranges of inputs and states in diagnostics.
+RANGE_SUFFIXES = ("_low", "_high")
+# Least R2 of the forecasts over some periods of an approximate model that does not merely imitate
+# random forces. At this limit forecasts miss 45 % of the motion. With a higher limit random forces
+# are suspected although a model forecasts well; with a lower one they are overlooked. With 0.7 and
 # with 0.9 no answer of `make exam` changes.
-LITTLE_TOLD = 0.8
-LONGEST_NAME = 100  # most characters in the name of a state or an input in a file
-MOST_POWER = 64  # largest absolute value of an exponent in a term of a file
-UNSTATED: Any = None  # an array that is not given: it becomes NaN, zero for forces, or empty
-BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
+MIN_FORECAST_R2 = 0.8
+MAX_NAME_LENGTH = 100  # most characters in the name of a state or an input in a file
+MAX_EXPONENT = 64  # largest absolute value of an exponent in a term of a file
+NO_ARRAY: Any = None  # default of an array: becomes NaN, zero for forces, or empty
+# Fields with one value for each equation and term.
+TERM_FIELDS = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,24 +111,24 @@ class IdentifiedModel(Immutable):
     model: PolynomialModel
     status: str
     findings: tuple[Finding, ...] = ()
-    standard_errors: NDArray[np.float64] = UNSTATED
-    unconditional_errors: NDArray[np.float64] = UNSTATED
-    detection_limits: NDArray[np.float64] = UNSTATED
-    covariance: NDArray[np.float64] = UNSTATED
-    rivals: NDArray[np.float64] = UNSTATED
+    standard_errors: NDArray[np.float64] = NO_ARRAY
+    unconditional_errors: NDArray[np.float64] = NO_ARRAY
+    detection_limits: NDArray[np.float64] = NO_ARRAY
+    covariance: NDArray[np.float64] = NO_ARRAY
+    rivals: NDArray[np.float64] = NO_ARRAY
     rival_share: float = 0.0
-    extrapolation_shift: NDArray[np.float64] = UNSTATED
-    extrapolation_covariance: NDArray[np.float64] = UNSTATED
-    initial_states: NDArray[np.float64] = UNSTATED
-    sigma: NDArray[np.float64] = UNSTATED
-    thresholds: NDArray[np.float64] = UNSTATED
+    extrapolation_shift: NDArray[np.float64] = NO_ARRAY
+    extrapolation_covariance: NDArray[np.float64] = NO_ARRAY
+    initial_states: NDArray[np.float64] = NO_ARRAY
+    sigma: NDArray[np.float64] = NO_ARRAY
+    thresholds: NDArray[np.float64] = NO_ARRAY
     chi2: float = np.nan
     known: tuple[int, ...] = ()
     diagnostics: Mapping[str, float | str] = field(default_factory=dict)
     further_modes: tuple[FurtherMode, ...] = ()
     envelope: tuple[EnvelopePart, ...] = ()
-    forces: NDArray[np.float64] = UNSTATED
-    slow_forces: NDArray[np.float64] = UNSTATED
+    forces: NDArray[np.float64] = NO_ARRAY
+    slow_forces: NDArray[np.float64] = NO_ARRAY
     resonances: tuple[Resonance, ...] = ()
     bounds: tuple[Bound, ...] = ()
 
@@ -171,7 +173,7 @@ class IdentifiedModel(Immutable):
     def tells_little(self) -> bool:
         """Whether there is no model, or only an approximate model that forecasts poorly."""
         inexact = self.status in ("approximate", "refused")
-        return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < LITTLE_TOLD
+        return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < MIN_FORECAST_R2
 
     def with_findings(self, *findings: Finding) -> IdentifiedModel:
         """Return a copy of the model with further findings and the status that follows from all."""
@@ -204,7 +206,7 @@ class IdentifiedModel(Immutable):
         For an input, the range of nine tenths of its samples. For a state, in the model of a
         `Summary`, the range of all its samples. Empty if unknown.
         """
-        ends = tuple(f"{name}{end}" for end in RANGE)
+        ends = tuple(f"{name}{end}" for end in RANGE_SUFFIXES)
         return tuple(float(self.diagnostics[end]) for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
@@ -231,7 +233,7 @@ class IdentifiedModel(Immutable):
         old, new = np.argwhere(self.support), np.argwhere(support)
         same = new[:, :1] == old[:, 0]
         slope = np.where(same, merge[old[:, 1]][:, new[:, 1]].T, 0.0)
-        merged: dict[str, Any] = {name: np.full(support.shape, np.nan) for name in BY_TERM}
+        merged: dict[str, Any] = {name: np.full(support.shape, np.nan) for name in TERM_FIELDS}
         merged["rivals"] = self.rivals @ merge
         if len(self.covariance):
             merged["covariance"] = slope @ self.covariance @ slope.T
@@ -398,8 +400,8 @@ class IdentifiedModel(Immutable):
         states, inputs = _parse_names(content["states"]), _parse_names(content["inputs"])
         terms = tuple(map(from_plain, content["terms"]))
         powers = [term[: n_exponents(term)] for term in terms]
-        if not terms or any(type(e) is not int or abs(e) > MOST_POWER for e in chain(*powers)):
-            raise ValueError(f"terms: must be whole exponents up to {MOST_POWER}")
+        if not terms or any(type(e) is not int or abs(e) > MAX_EXPONENT for e in chain(*powers)):
+            raise ValueError(f"terms: must be whole exponents up to {MAX_EXPONENT}")
         if any(e < 0 for exponents in powers for e in exponents[: len(states)]):
             raise ValueError("terms: exponents of states must be 0 or more")
         coefficients, status = np.array(content["coefficients"], float), content["status"]
@@ -469,7 +471,7 @@ def _parse_names(content: Iterable[Any]) -> tuple[str, ...]:
     """Parse names of states or inputs. Raises ValueError for anything else."""
     names = tuple(content)
     if not all(
-        isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
+        isinstance(name, str) and name.isprintable() and 0 < len(name) <= MAX_NAME_LENGTH
         for name in names
     ):
         raise ValueError(f"{names!r:.60}: must be names that print, in one line")
@@ -497,7 +499,7 @@ def _array_shapes(
 ) -> dict[str, tuple[int, ...]]:
     """Return the shape of each array of a model, by name; -1 for any length."""
     square = (states, states)
-    return dict.fromkeys(BY_TERM, (states, terms)) | {
+    return dict.fromkeys(TERM_FIELDS, (states, terms)) | {
         "covariance": (support, support), "rivals": (-1, states, terms),
         "extrapolation_shift": (extrapolated,),
         "extrapolation_covariance": (extrapolated, extrapolated),

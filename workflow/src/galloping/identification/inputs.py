@@ -15,8 +15,8 @@ from galloping.model.functions import Function, n_exponents
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
-MOST_CANDIDATES = 600  # most terms of all equations: exchanges of three then fit in memory
-FEWEST = 100  # least number of samples: with fewer, noise may look like an oscillation
+MAX_CANDIDATES = 600  # most terms of all equations: exchanges of three then fit in memory
+MIN_SAMPLES = 100  # least number of samples: with fewer, noise may look like an oscillation
 
 
 def checked_recordings(recordings: object) -> list[Recording]:
@@ -45,8 +45,8 @@ def checked_recordings(recordings: object) -> list[Recording]:
             raise ValueError(
                 f"recordings: item {i} lacks the input {', '.join(sorted(lacking))} of the first"
             )
-    if (samples := sum(len(recording.time) for recording in recordings)) < FEWEST:
-        raise ValueError(f"recordings: {samples} samples are fewer than the {FEWEST} needed")
+    if (samples := sum(len(recording.time) for recording in recordings)) < MIN_SAMPLES:
+        raise ValueError(f"recordings: {samples} samples are fewer than the {MIN_SAMPLES} needed")
     return list(recordings)
 
 
@@ -103,10 +103,10 @@ def validated_problem(
     if known_states and known is None:
         raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")
     problem = make_problem(states, terms, known, known_states, prior, inputs, coefficients, allowed)
-    if (count := len(problem.candidates)) > MOST_CANDIDATES:
+    if (count := len(problem.candidates)) > MAX_CANDIDATES:
         raise ValueError(
             f"library: {len(terms)} terms in {len(problem.unknown)} equations are {count} "
-            f"candidates; at most {MOST_CANDIDATES} can be compared"
+            f"candidates; at most {MAX_CANDIDATES} can be compared"
         )
     return remove_aliases(problem, recordings)
 
@@ -115,9 +115,9 @@ def segments_with_inputs(recordings: list[Recording], inputs: tuple[str, ...]) -
     """Cut recordings into the stretches in which all given inputs have samples.
 
     The stretches are those of `Recording.driven`. Raises IdentificationError if the inputs are
-    present during fewer than FEWEST consecutive samples.
+    present during fewer than MIN_SAMPLES consecutive samples.
     """
-    stretches = [stretch for one in recordings for stretch in one.driven(inputs, FEWEST)]
+    stretches = [stretch for one in recordings for stretch in one.driven(inputs, MIN_SAMPLES)]
     if not stretches:
-        raise IdentificationError(Code.INPUTS_MISSING, ", ".join(inputs), samples=FEWEST)
+        raise IdentificationError(Code.INPUTS_MISSING, ", ".join(inputs), samples=MIN_SAMPLES)
     return stretches

@@ -36,7 +36,7 @@ class NotConvergedError(NoModelError, FloatingPointError):
 # Errors that mean that there is no model: `IdentificationError`, and the errors of numerics if a
 # solution diverges, or numpy cannot factor or invert a matrix. Any other ValueError is a mistake in
 # the code.
-NO_MODEL = (IdentificationError, FloatingPointError, np.linalg.LinAlgError)
+NO_MODEL_ERRORS = (IdentificationError, FloatingPointError, np.linalg.LinAlgError)
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
@@ -52,15 +52,15 @@ class NoModel:
 def attempt(
     search: Callable[Arguments, Result], *args: Arguments.args, **options: Arguments.kwargs
 ) -> Result | NoModel:
-    """Run a search for a model and return its result, or `NoModel` for an error of NO_MODEL."""
+    """Run a search for a model and return its result, or `NoModel` for one of NO_MODEL_ERRORS."""
     try:
         return search(*args, **options)
-    except NO_MODEL as error:
+    except NO_MODEL_ERRORS as error:
         return NoModel((as_finding(error),))
 
 
 def as_finding(error: Exception) -> Finding:
-    """Convert the error of a failed search for a model, one of NO_MODEL, to a finding."""
+    """Convert the error of a failed search for a model, one of NO_MODEL_ERRORS, to a finding."""
     if isinstance(error, NoModelError):
         return error.finding
     lines = str(error).splitlines() or [type(error).__name__]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# Largest damping ratio of an oscillation: with it, an amplitude falls to a seventh in a period.
-MOST_DAMPING = 0.3
+# Largest damping ratio of an oscillation. Its amplitude falls to a seventh in a period.
+MAX_DAMPING_RATIO = 0.3
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Resonance:
 
         A resonance that decays faster, to half in a period, is a colour of the forces.
         """
-        return self.damping < MOST_DAMPING / 3.0
+        return self.damping < MAX_DAMPING_RATIO / 3.0
 
     @property
     def name(self) -> str:

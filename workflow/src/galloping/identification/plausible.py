@@ -8,11 +8,11 @@ from scipy.special import gammaincinv, ndtri
 from galloping.identification.problem import Problem
 from galloping.identification.selection import Whitened, find_moves, make_tableau
 
-# An absent term as large as its detection limit is not selected at this rate. And plausible
-# supports with this share of the weight may put any coefficient of a model farther off than four
-# unconditional errors. The share is divided among the coefficients: of 314 `ok` models of
-# one-minute recordings, 12 then have a coefficient that is farther off. With the undivided share
-# for each coefficient there are 20 (seeds 27182 and 31415).
+# Rate at which an absent term as large as its detection limit is not selected. It is also the
+# weight of plausible supports that may put any coefficient of a model farther off than four
+# unconditional errors, divided among the coefficients. Of 314 `ok` models of one-minute recordings,
+# 12 then have a coefficient that is farther off, and 20 with the undivided weight for each
+# coefficient (seeds 27182 and 31415).
 MISS_RATE = 0.01
 
 

@@ -81,8 +81,9 @@ class Prior:
 
 
 PRIOR = Prior()
-LARGEST = 1e100  # largest mean or deviation of a coefficient: its square is finite
-SMALLEST = 1e-9  # least deviation of a coefficient, relative to its mean: less is rounding
+MAX_VALUE = 1e100  # largest size of a mean or deviation of a coefficient: its square is finite
+# Least standard deviation of a coefficient, relative to its mean. Smaller ones are rounding.
+MIN_RELATIVE_DEVIATION = 1e-9
 
 
 @dataclass(frozen=True)
@@ -122,13 +123,13 @@ class Coefficient:
         if not isinstance(self.term, tuple):
             raise ValueError(f"coefficient: term: {self.term!r:.60}; must be a tuple of exponents")
         mean = 0.0 if self.mean is None else self.mean
-        for name, value, lowest in (("mean", mean, -LARGEST), ("deviation", self.deviation, 0.0)):
-            if not isinstance(value, int | float) or not lowest <= value <= LARGEST:
+        for name, value, lowest in (("mean", mean, -MAX_VALUE), ("deviation", self.deviation, 0.0)):
+            if not isinstance(value, int | float) or not lowest <= value <= MAX_VALUE:
                 kind = "a number from 0" if name == "deviation" else "a number"
                 raise ValueError(
-                    f"coefficient: {name}: {value!r:.60}; must be {kind} up to {LARGEST:g}"
+                    f"coefficient: {name}: {value!r:.60}; must be {kind} up to {MAX_VALUE:g}"
                 )
-        least = max(SMALLEST * abs(mean), 1.0 / LARGEST)
+        least = max(MIN_RELATIVE_DEVIATION * abs(mean), 1.0 / MAX_VALUE)
         if 0.0 < self.deviation < least:
             raise ValueError(
                 f"coefficient: deviation: {self.deviation!r:.60}; must be 0, which fixes it, or at "

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from galloping.identification.aliases import Alias
 
 
-# A coefficient contradicts its prior or its bounds if the recordings alone put it farther off than
-# this many standard deviations. By chance this occurs once in 16,000.
-MOST_SURPRISE = 4.0
+# Largest distance of a coefficient, estimated from recordings alone, from its prior or its bounds,
+# in standard deviations. It is exceeded by chance once in 16,000 cases.
+MAX_PRIOR_DEVIATION = 4.0
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from scipy.linalg import cholesky, solve_triangular
 
 from galloping.identification.work import count_work, is_exhausted
 
-# A few rounding errors, added to the diagonal of an information matrix with unit diagonal so that
-# it can be factored. They change chi^2 by 1e-15 |c|^2: by 0.1 if coefficients c are 1e7 in their
-# units.
+# Term added to the diagonal of an information matrix with unit diagonal, so that it can be
+# factored: a few rounding errors. It changes chi^2 by 1e-15 |c|^2: by 0.1 if coefficients c are
+# 1e7 in their units.
 RIDGE = 1e-15
-# Two added terms do not lower chi^2 if their determinant is below this share of the product of
-# their diagonal entries. A fault of the instrument is not tested if less than this share of its
-# information is independent of the terms. In both cases, what is left is rounding.
-DEPENDENT = 1e-6
+# Least share of information that is independent of other terms; less is rounding. For two added
+# terms: determinant relative to the product of the diagonal entries. For a fault of the
+# instrument: share of its information.
+MIN_INDEPENDENT_SHARE = 1e-6
 
 
 def solve_support(
@@ -189,7 +189,7 @@ class Tableau:
             (g, h), (d, e) = ((values[:, i], values[:, j]) for values in (gradient, diagonal))
             determinant = d * e - between**2
             gain = g**2 * e + h**2 * d - 2.0 * (g * h) * between
-            good = determinant > DEPENDENT * d * e
+            good = determinant > MIN_INDEPENDENT_SHARE * d * e
             rise = rise - np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
         return rise, self.kept[leave], self.out[enter]
 

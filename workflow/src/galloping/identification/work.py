@@ -16,12 +16,12 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
 from galloping.recording.samples import Recording
 
-# Most work of a search, s, in recordings sampled at up to TIMES times. In longer ones it is larger
-# in proportion. With 24 s, recordings that no model follows are refused sooner, and some lines in
-# wild motion lose their exact model (docs/identification_parts.csv).
-MOST_WORK = 36.0
-TIMES = 30_001
-OUTPUT_WORK = 12.0  # s, allowance for forecasts, limit cycles and figures, which are not counted
+# Most work of a search in recordings sampled at up to REFERENCE_TIMES times, s. In longer ones it
+# is larger in proportion. With 24 s, recordings that no model follows are refused sooner, and some
+# lines in wild motion lose their exact model (docs/identification_parts.csv).
+MAX_WORK = 36.0
+REFERENCE_TIMES = 30_001  # largest number of sampled times with the limit MAX_WORK
+OUTPUT_WORK = 12.0  # allowance for forecasts, limit cycles and figures, which are not counted, s
 
 
 @dataclass
@@ -52,17 +52,17 @@ _UNLIMITED = Work(float("inf"))
 _work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
-def work_limit(rows: int, most: float = MOST_WORK) -> float:
+def work_limit(rows: int, most: float = MAX_WORK) -> float:
     """Compute the computing work allowed for a search, in s, from the number of sampling times."""
-    return most * max(1.0, rows / TIMES)
+    return most * max(1.0, rows / REFERENCE_TIMES)
 
 
 @contextmanager
-def limit_work(recordings: Sequence[Recording], most: float = MOST_WORK) -> Iterator[Work]:
+def limit_work(recordings: Sequence[Recording], most: float = MAX_WORK) -> Iterator[Work]:
     """Limit the computing work in a `with` block, by the size of the recordings.
 
     The limit is that of a search in these recordings, or the remaining work if that is less. most:
-    s, for recordings sampled at up to TIMES times in all.
+    s, for recordings sampled at up to REFERENCE_TIMES times in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
     with _nested_work(min(work_limit(rows, most), _work.get().remaining)) as work:

@@ -9,7 +9,7 @@ from galloping.arrays import first_from, round_down
 from galloping.identification.free_motion.answer import find_free_motion, with_findings
 from galloping.identification.free_motion.rest import moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import FEWEST, validated_problem
+from galloping.identification.inputs import MIN_SAMPLES, validated_problem
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.preparation.smoothing import shortest_period, with_integrals
 from galloping.identification.prior_knowledge import PRIOR
@@ -32,7 +32,7 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
     in which the size of the motion varies most, since growth and decay contain information on
     damping. The stretch of the others is that of the largest motion, for the cubic terms. Stretches
     without gaps are preferred. Recordings stay whole if no channel varies above its noise, which
-    leaves no period, or if their stretches would have fewer than FEWEST samples.
+    leaves no period, or if their stretches would have fewer than MIN_SAMPLES samples.
     """
     try:
         period = shortest_period([with_integrals(recording) for recording in recordings])
@@ -40,7 +40,7 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
         return recordings
     each = max(MAX_STRETCHES // len(recordings), 1)
     parts = [piece for recording in recordings for piece in _choose_pieces(recording, each, period)]
-    return parts if sum(len(piece.time) for piece in parts) >= FEWEST else recordings
+    return parts if sum(len(piece.time) for piece in parts) >= MIN_SAMPLES else recordings
 
 
 def identify_excerpts(

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from galloping.identification.inputs import FEWEST
+from galloping.identification.inputs import MIN_SAMPLES
 from galloping.model.polynomial import velocity_pairs
 from galloping.readers.mapping import Channel, ColumnMapping
 from galloping.readers.series import Series
@@ -54,9 +54,9 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     """Split a recording at gaps that are longer than the period of the motion.
 
     Neither the motion nor the clock is known over such a gap. A part also ends where an input is
-    unknown, or where a sensor is silent for long while others are not. Parts of fewer than FEWEST
-    samples or shorter than MIN_PERIODS are left out, unless no part is longer and the inputs are
-    known throughout. Raises ValueError if no part is left.
+    unknown, or where a sensor is silent for long while others are not. Parts with fewer than
+    MIN_SAMPLES samples or shorter than MIN_PERIODS are left out, unless no part is longer and the
+    inputs are known throughout. Raises ValueError if no part is left.
     """
     measured = np.any(np.isfinite(recording.values), axis=1)
     if recording.rates is not None:
@@ -72,7 +72,7 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     long = [
         slice(int(part[0]), int(part[-1]) + 1)
         for part in parts
-        if len(part) >= FEWEST and np.ptp(recording.time[part]) >= MIN_PERIODS * period
+        if len(part) >= MIN_SAMPLES and np.ptp(recording.time[part]) >= MIN_PERIODS * period
     ]
     if driven.all() and ((is_known.all() and len(parts) == 1) or not long):
         is_whole = not len(rows) or rows[-1] - rows[0] + 1 == len(recording.time)

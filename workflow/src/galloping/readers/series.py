@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.arrays import finest_step
 from galloping.fields import list_first
-from galloping.identification.inputs import FEWEST
+from galloping.identification.inputs import MIN_SAMPLES
 from galloping.passes import passing
 from galloping.readers import MAX_NAMES, FileError
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
@@ -170,8 +170,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     n_channels = len(mapping.channels)
     inputs = read_inputs(table, mapping.inputs, time, values[:, n_channels:])
     values = values[:, :n_channels]
-    if len(time) < FEWEST and n_channels:
-        raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
+    if len(time) < MIN_SAMPLES and n_channels:
+        raise FileError(f"{table.path}: {len(time)} rows are fewer than the {MIN_SAMPLES} needed")
     for channel, column in zip(mapping.channels, values.T, strict=True):
         if (repeats := _find_repeats(column)).any():
             column[repeats] = np.nan
@@ -180,10 +180,10 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"{repeats.sum()} repetitions were left out"
             )
         known = column[np.isfinite(column)]
-        if len(known) < FEWEST:
+        if len(known) < MIN_SAMPLES:
             raise FileError(
-                f"{table.label(channel.column)} has {len(known)} samples, fewer than the {FEWEST} "
-                "needed"
+                f"{table.label(channel.column)} has {len(known)} samples, fewer than the "
+                f"{MIN_SAMPLES} needed"
             )
         if np.ptp(known) == 0:
             raise FileError(
@@ -236,7 +236,7 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
     for a, b in combinations(range(values.shape[1]), 2):
         first, second = mapping.channels[a], mapping.channels[b]
         both = np.isfinite(values[:, a] + values[:, b])
-        if first.measures == second.measures or both.sum() < FEWEST:
+        if first.measures == second.measures or both.sum() < MIN_SAMPLES:
             continue
         deviations = values[both][:, (a, b)] - values[both][:, (a, b)].mean(axis=0)
         size = np.linalg.norm(deviations, axis=0)

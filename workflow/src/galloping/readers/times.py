@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from galloping.identification.inputs import FEWEST
+from galloping.identification.inputs import MIN_SAMPLES
 from galloping.readers import FileError
 from galloping.readers.columns import is_time
 from galloping.readers.file_table import FileTable
@@ -188,13 +188,13 @@ def _join_restarts(time: np.ndarray) -> np.ndarray | None:
     """Concatenate the parts of a file, times (n,), in which the clock restarts.
 
     Between two parts there is a gap as long as all before. None if the clock does not restart: if
-    fewer than FEWEST rows are out of order, or parts do not overlap.
+    fewer than MIN_SAMPLES rows are out of order, or parts do not overlap.
     """
     edges = [0, *(np.flatnonzero(np.diff(time) < 0) + 1), len(time)]
     parts = [time[a:b] for a, b in pairwise(edges)]
     ordered = sorted(parts, key=lambda part: part[0])
     overlap = max((np.sum(one >= other[0]) for one, other in pairwise(ordered)), default=0)
-    if overlap < FEWEST or min(map(len, parts)) < FEWEST:
+    if overlap < MIN_SAMPLES or min(map(len, parts)) < MIN_SAMPLES:
         return None
     joined = [parts[0]]
     for part in parts[1:]:

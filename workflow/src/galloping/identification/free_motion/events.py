@@ -13,7 +13,7 @@ from scipy.special import chdtri
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, fit_modes
-from galloping.identification.no_model import NO_MODEL, NoModel, attempt
+from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, attempt
 
 MAX_EVENTS = 10  # most events in all stretches
 MIN_EXPLAINED = 0.25  # least share of the misfit's excess over `floor` that each event explains
@@ -59,7 +59,7 @@ def find_events(
             if before - modes.misfit < MIN_EXPLAINED * (before - floor):
                 return None
             whole, is_noise = fit_modes(parts)
-        except NO_MODEL:
+        except NO_MODEL_ERRORS:
             return None
         if whole is not None and is_noise:
             return _remove_spurious_events(stretches, MotionBetweenEvents(parts, origins, whole))

@@ -18,7 +18,7 @@ from galloping.identification.free_motion.damped_modes import (
     fit_poles,
 )
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.oscillations import MOST_DAMPING
+from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 
@@ -64,7 +64,7 @@ def strongest_mode(
     longest = max(one.duration for one in stretches)
     size = 2 ** int(np.ceil(np.log2(2.0 * longest / step + 2.0)))
     omega = 2.0 * np.pi * np.fft.rfftfreq(size, step)
-    most = np.log2(max(MOST_DAMPING * omega[-1] * longest, 2.0))
+    most = np.log2(max(MAX_DAMPING_RATIO * omega[-1] * longest, 2.0))
     faster = WINDOW_RATIO ** np.arange(int(np.ceil(most)))  # decay rates, in units of the slowest
     parts = np.maximum(faster // MAX_DECAYS, 1)
     strides = np.concatenate([[1], parts, parts])  # steps in `omega` between bins of each window
@@ -96,7 +96,7 @@ def strongest_mode(
         is_searched &= ~is_part_of(1j * omega, excluded)
     powers = [np.sum(spectra, axis=0) for spectra in zip(*series, strict=True)]
     for power, decay, stride in zip(powers, windows, strides, strict=True):
-        power *= is_searched[::stride] & (abs(decay) < MOST_DAMPING * omega[::stride])
+        power *= is_searched[::stride] & (abs(decay) < MAX_DAMPING_RATIO * omega[::stride])
     peaks = np.array([power.max() for power in powers])
     omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
     levels = np.ones((len(series), len(omega)))  # noise levels, at least those of white noise

@@ -23,7 +23,7 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import (
-    DEPENDENT,
+    MIN_INDEPENDENT_SHARE,
     make_tableau,
     select_support,
     solve_support,
@@ -212,7 +212,7 @@ def score_test(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) 
     change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
     cross = information[-1, :-1]
     remaining = information[-1, -1] - cross @ covariance @ cross
-    if remaining < DEPENDENT * information[-1, -1] or remaining <= 0.0:
+    if remaining < MIN_INDEPENDENT_SHARE * information[-1, -1] or remaining <= 0.0:
         return 0.0
     return float(abs(right[-1] - information[-1] @ change) / np.sqrt(remaining))
 

@@ -62,7 +62,7 @@ from galloping.identification.problem import Problem
 from galloping.identification.random_forces.decision import fit_random_forces, try_random_forces
 from galloping.identification.random_forces.start import is_ambient_candidate
 from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
-from galloping.identification.work import MOST_WORK, is_exhausted, limit_work, sub_budget
+from galloping.identification.work import MAX_WORK, is_exhausted, limit_work, sub_budget
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
@@ -160,7 +160,7 @@ def _search_model(
     """
     recordings = moving.recordings
     if (motion := find_free_motion(moving.until_rest)) is not None:
-        with limit_work(recordings, 0.2 * MOST_WORK):
+        with limit_work(recordings, 0.2 * MAX_WORK):
             search = partial(_fit_free_motion, problem)
             outcome = identify_free_motion(problem, motion, recordings, search)
         if isinstance(outcome, IdentifiedModel):
@@ -234,7 +234,7 @@ def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Ou
                 break
             else:
                 unsure = outcome
-                limits.enter_context(limit_work(recordings, 0.25 * MOST_WORK))
+                limits.enter_context(limit_work(recordings, 0.25 * MAX_WORK))
     return unsure if unsure and outcome.tells_little else outcome
 
 

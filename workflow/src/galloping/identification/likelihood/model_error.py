@@ -33,7 +33,7 @@ from galloping.identification.likelihood.weak_constraint import (
     white_autocovariance,
     white_misfit,
 )
-from galloping.identification.no_model import NO_MODEL, NoModel, NotConvergedError, attempt
+from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, NotConvergedError, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
@@ -213,7 +213,7 @@ def _fit_with_misfit(
     A wrong model needs stronger evidence: with 7 times the penalty, nearly the same terms are
     chosen from all recordings of one system; with 3 to 5 times, up to five more. No model may jump
     more than the whole library: the effect of an omitted term is no disturbance. Raises an error of
-    NO_MODEL if the first penalty leads to no model; the second may be absent.
+    NO_MODEL_ERRORS if the first penalty leads to no model; the second may be absent.
     """
     fit = whole = _iterate_fit(first, misfit_of)
     approximations: list[Approximation] = []
@@ -225,7 +225,7 @@ def _fit_with_misfit(
             if not fit.support.any():
                 raise NotConvergedError(Code.NO_TERM)
             validated = _cross_validate(fit, factor * penalty)
-        except NO_MODEL:
+        except NO_MODEL_ERRORS:
             if not approximations:
                 raise
             break

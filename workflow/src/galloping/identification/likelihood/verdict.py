@@ -20,7 +20,7 @@ from galloping.identification.plausible import (
     unconditional_errors,
     weigh_by_prior,
 )
-from galloping.identification.problem import MOST_SURPRISE, Problem
+from galloping.identification.problem import MAX_PRIOR_DEVIATION, Problem
 from galloping.identification.selection import (
     Whitened,
     added_deviation,
@@ -212,7 +212,7 @@ def find_beyond_bounds(
         off = abs(value - np.clip(value, lower[k], upper[k]))
         ruled_out[k] = off > 0.0 and not regression.support[k]
         error = np.sqrt(covariance[with_term[:k].sum(), with_term[:k].sum()])
-        if off > MOST_SURPRISE * error > 0.0:
+        if off > MAX_PRIOR_DEVIATION * error > 0.0:
             contradicted.append(Finding.of(
                 Code.BOUNDS_CONTRADICTED, problem.states[problem.candidates[k, 0]],
                 term=problem.candidate_names([k]), value=value, least=lower[k], most=upper[k],

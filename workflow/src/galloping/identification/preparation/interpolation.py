@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.identification.inputs import segments_with_inputs
-from galloping.identification.no_model import NO_MODEL
+from galloping.identification.no_model import NO_MODEL_ERRORS
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import weak_fit
@@ -45,7 +45,7 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
     try:
         used = segments_with_inputs(list(recordings), problem.inputs)
         cleaned, smoothed, _ = prepare_recordings(used)
-    except NO_MODEL:
+    except NO_MODEL_ERRORS:
         return chosen
     penalty = 2.0 * np.log(sum(one.samples for one in cleaned))
     for name, present in chosen.items():
@@ -56,7 +56,7 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
                 _with_inputs(one, curve, problem, {**chosen, name: kind})
                 for one, curve in zip(used, smoothed, strict=True)
             ]
-            with suppress(*NO_MODEL):
+            with suppress(*NO_MODEL_ERRORS):
                 fits[kind] = weak_fit(problem, curves, penalty)
         best = min(fits, key=lambda kind: fits[kind].misfit, default=present)
         if fit := fits.get(present):

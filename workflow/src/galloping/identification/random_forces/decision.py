@@ -36,13 +36,13 @@ from galloping.identification.random_forces.several_modes import (
     splits_mode,
 )
 from galloping.identification.random_forces.start import amplitude_fluctuates
-from galloping.identification.work import MOST_WORK, limit_work
+from galloping.identification.work import MAX_WORK, limit_work
 from galloping.model.polynomial import has_functions, velocity_pairs
 from galloping.recording.samples import Recording
 
 # Most work, s, of a trial of random forces: with inputs TRIAL_BESIDE_INPUTS, without inputs TRIAL.
 # Recordings that took more mostly had a motion of another kind.
-TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST_WORK, 0.4 * MOST_WORK
+TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MAX_WORK, 0.4 * MAX_WORK
 
 Outcome = IdentifiedModel | NoModel
 Fit = Callable[[ModeSelection], Outcome]

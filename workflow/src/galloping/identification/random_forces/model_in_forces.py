@@ -12,7 +12,7 @@ from scipy.special import chdtri
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding, status_of
-from galloping.identification.oscillations import MOST_DAMPING
+from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.plausible import detection_limits
 from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
 from galloping.identification.problem import Problem
@@ -141,7 +141,7 @@ def _fit_all_samples(trial: ForcedFit, recordings: list[Recording]) -> ForcedFit
     fit = maximise_likelihood(setup, setup.restrict(trial.model, support), support, correlated)
     if not forces_are_needed(fit, penalty):
         return NoModel((Finding.of(Code.NO_FORCE_NEEDED),))
-    if np.any(np.abs(fit.modes.damping) > MOST_DAMPING):
+    if np.any(np.abs(fit.modes.damping) > MAX_DAMPING_RATIO):
         finding = fit.whiteness.to_finding(setup.channels.names)
         return NoModel((Finding.of(Code.NO_OSCILLATION), finding))
     return fit

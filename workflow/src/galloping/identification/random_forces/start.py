@@ -15,9 +15,9 @@ from scipy.fft import next_fast_len
 from scipy.optimize import nnls
 
 from galloping.arrays import round_down
-from galloping.identification.no_model import NO_MODEL, IdentificationError, NoModel, attempt
+from galloping.identification.no_model import NO_MODEL_ERRORS, IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
-from galloping.identification.oscillations import MOST_DAMPING
+from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
@@ -121,7 +121,7 @@ def modes_from_correlations(
     shapes = observed[:channels] @ vectors
     weight = np.linalg.norm(shapes, axis=0) * np.linalg.norm(begins, axis=1)
     rates = np.log(values.astype(complex)) / step
-    oscillates = (rates.imag > 0) & (-rates.real < MOST_DAMPING * np.abs(rates))
+    oscillates = (rates.imag > 0) & (-rates.real < MAX_DAMPING_RATIO * np.abs(rates))
     modes = np.flatnonzero(oscillates)
     if len(modes) < count:
         raise IdentificationError(Code.NO_OSCILLATION)
@@ -175,7 +175,7 @@ def find_linear_systems(
             try:
                 rates, shapes = modes_from_correlations(part, stride * step, count, additional)
                 start = _start_with_modes(channels, rates, size[:, np.newaxis] * shapes)
-            except NO_MODEL:
+            except NO_MODEL_ERRORS:
                 continue
             yield start
 

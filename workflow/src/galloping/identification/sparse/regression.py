@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from galloping.identification.identified_model import UNSTATED, IdentifiedModel
+from galloping.identification.identified_model import NO_ARRAY, IdentifiedModel
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.model.polynomial import Exponents, PolynomialModel
@@ -46,7 +46,7 @@ class ReducedRegression:
     terms: tuple[Exponents, ...]
     held_out: np.ndarray | None = None
 
-    def model(self, coefficients: np.ndarray, thresholds: np.ndarray = UNSTATED) -> IdentifiedModel:
+    def model(self, coefficients: np.ndarray, thresholds: np.ndarray = NO_ARRAY) -> IdentifiedModel:
         """Make the model, with the status `unjudged`, of coefficients (n_states, n_terms)."""
         model = PolynomialModel(self.states, self.terms, coefficients)
         return IdentifiedModel(model, "unjudged", thresholds=thresholds)
