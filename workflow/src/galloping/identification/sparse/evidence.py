@@ -31,10 +31,11 @@ from galloping.model.polynomial import Exponents, design_matrix
 from galloping.recording.samples import Recording
 
 DEGREE = 7  # degree of splines; it truncates less than rounding in noise-free 100 Hz recordings
-KNOT_EVERY = (128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # samples between knots, smooth to rough
-ON_GRID = 1e-3  # largest distance of a sample from a uniform grid, in steps
-MOST_MISSING = 100  # most grid points for each sample
-ENOUGH = 1.05  # the scan stops once every channel's score exceeds this many times its best
+# Numbers of samples between knots, from smooth to rough splines.
+KNOT_SPACINGS = (128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)
+GRID_TOLERANCE = 1e-3  # largest distance of a sample from a uniform grid, in steps
+MAX_GRID_RATIO = 100  # largest ratio of grid points to samples
+STOP_SCORE_RATIO = 1.05  # ratio of every channel's score to its best at which the scan stops
 
 
 def differentiate(
@@ -61,8 +62,8 @@ def with_missing_samples(recording: Recording) -> Recording:
     steps = np.diff(recording.time)
     places = np.r_[0.0, np.cumsum(steps)] / steps.min()
     count = round(places[-1]) + 1
-    is_on_grid = np.all(np.abs(places - np.rint(places)) < ON_GRID)
-    if count == len(places) or not is_on_grid or count > MOST_MISSING * len(places):
+    is_on_grid = np.all(np.abs(places - np.rint(places)) < GRID_TOLERANCE)
+    if count == len(places) or not is_on_grid or count > MAX_GRID_RATIO * len(places):
         return recording
     time = np.linspace(recording.time[0], recording.time[-1], count)
     values = _evaluate_splines(_fit_splines(recording.time, recording.values)[0], time)
@@ -79,7 +80,7 @@ def _fit_splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], n
     n, channels = values.shape
     score, effective = np.full(channels, np.inf), np.zeros(channels, dtype=int)
     chosen: dict[int, BSpline] = {}
-    for every in KNOT_EVERY:
+    for every in KNOT_SPACINGS:
         knots = _clamped_knots(time, every)
         p = len(knots) - DEGREE - 1
         # With few degrees of freedom the score is unreliable. With 0.9 no model of the study's
@@ -92,7 +93,7 @@ def _fit_splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], n
         for channel in np.flatnonzero(gcv < score).tolist():
             chosen[channel] = BSpline(knots, coefficients[:, channel], DEGREE)
             score[channel], effective[channel] = gcv[channel], p
-        if np.all(gcv > ENOUGH * score):
+        if np.all(gcv > STOP_SCORE_RATIO * score):
             break
     if not np.all(effective):
         raise IdentificationError(Code.RECORDING_SHORT, samples=n)
@@ -109,7 +110,7 @@ def _clamped_knots(time: np.ndarray, every: int) -> np.ndarray:
     return np.r_[[time[0]] * (DEGREE + 1), inner, [time[-1]] * (DEGREE + 1)]
 
 
-@lru_cache(maxsize=len(KNOT_EVERY))  # replicates mostly share their times
+@lru_cache(maxsize=len(KNOT_SPACINGS))  # replicates mostly share their times
 def _spline_basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
     """Compute B-splines at the times, (n, p), and the Cholesky bands of their normal equations."""
     instants = np.frombuffer(time)

@@ -10,21 +10,21 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Scaled, judge_path
 from galloping.identification.sparse.supports import (
-    NEGLIGIBLE,
+    MIN_TERM_SHARE,
     ebic_scores,
     forward_models,
     refit,
     solve,
 )
 
-STEPS = 20  # most terms of an equation
+MAX_TERMS = 20  # most terms of an equation
 
 
 def fit_frols(evidence: Regressions) -> IdentifiedModel:
     """Identify a model by greedy forward regression (FROLS), stopped by validation or EBIC.
 
     The most explanatory terms are added as long as held-out stretches, or EBIC, require more. Terms
-    that their successors have made NEGLIGIBLE are dropped.
+    whose share their successors have reduced below MIN_TERM_SHARE are dropped.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -41,9 +41,9 @@ def fit_frols(evidence: Regressions) -> IdentifiedModel:
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Compute greedy models of 0 to STEPS terms for each target and training set.
+    """Compute greedy models of 0 to MAX_TERMS terms for each target and training set.
 
     Returns (f, m, k, p). Columns and targets have unit length.
     """
-    shares = forward_models(grams, moments, min(STEPS, grams.shape[1]))
-    return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)
+    shares = forward_models(grams, moments, min(MAX_TERMS, grams.shape[1]))
+    return solve(grams, moments, np.abs(shares) >= MIN_TERM_SHARE)

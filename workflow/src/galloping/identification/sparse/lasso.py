@@ -7,9 +7,10 @@ from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Scaled, judge_path
-from galloping.identification.sparse.supports import NEGLIGIBLE, ebic_scores, refit, solve
+from galloping.identification.sparse.supports import MIN_TERM_SHARE, ebic_scores, refit, solve
 
-PENALTIES = np.geomspace(1, 1e-6, 45)  # for unit columns and targets, with squares summed over rows
+# Penalties for columns and targets of unit length, with squares summed over rows.
+PENALTIES = np.geomspace(1, 1e-6, 45)
 
 
 def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
@@ -17,7 +18,7 @@ def fit_lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedMo
 
     Without held-out stretches the kink of the path with the best EBIC is chosen. threshold: penalty
     alpha on unit columns and targets, or None to choose it. Terms whose refitted share is
-    NEGLIGIBLE are dropped.
+    below MIN_TERM_SHARE are dropped.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -53,7 +54,7 @@ def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
             supports[f, m, place] = np.any(path[:, max(after - 1, 0) : after + 1], axis=1)
             supports[f, m, place] &= penalty < kinks[0]
     shares = solve(grams, moments, supports)
-    return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)
+    return solve(grams, moments, np.abs(shares) >= MIN_TERM_SHARE)
 
 
 def _choose_by_ebic(
@@ -72,4 +73,4 @@ def _choose_by_ebic(
 
 def _prune(library: np.ndarray, target: np.ndarray, supports: np.ndarray) -> np.ndarray:
     """Remove terms that least squares finds negligible from supports."""
-    return supports & (np.abs(refit(library, target, supports)) >= NEGLIGIBLE)
+    return supports & (np.abs(refit(library, target, supports)) >= MIN_TERM_SHARE)

@@ -20,9 +20,9 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.model.polynomial import Exponents, PolynomialModel
 
-BLOCKS = 10  # stretches of a recording, reduced separately: for bootstrap and cross-validation
-FOLDS = 5  # every fifth block is left out at a time: each fold has early and late ones
-ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is rounding
+BLOCKS = 10  # number of blocks of a recording, for bootstrap and cross-validation
+FOLDS = 5  # number of folds; every fifth block is left out, so that each has early and late ones
+ROUNDING = 1e-13  # largest rounding error of a difference of two sums of squares, relative
 Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From Gram matrices (f, p, p) of unit columns and moments (f, m, p) to models (f, m, k, p)."""
 

@@ -14,7 +14,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression, Scaled, judge_path
 from galloping.identification.sparse.supports import (
-    NEGLIGIBLE,
+    MIN_TERM_SHARE,
     best_threshold,
     ebic_scores,
     refit,
@@ -25,8 +25,8 @@ from galloping.identification.sparse.supports import (
 from galloping.model.polynomial import linear_term, velocity_pairs
 from galloping.results import IDENTIFIED, KNOWN
 
-# Ridges that are tried, for columns of unit length. During thresholding a ridge prevents large
-# coefficients of opposite sign of nearly collinear columns. The last step has no ridge.
+# Ridges in order of trial, for columns of unit length. A ridge prevents large coefficients of
+# opposite sign of nearly collinear columns during thresholding. The last step has no ridge.
 RIDGES = (0.0, 1e-4)
 
 
@@ -36,8 +36,8 @@ def fit_normalised(
     """Identify a model by thresholded least squares (STLSQ) on columns of unit length.
 
     The thresholds are on the share of each term in the state derivative. threshold: share in (0,
-    1), or None to choose one for each equation out of `path_length` between NEGLIGIBLE and 1: by
-    cross-validation, or by EBIC if nothing is held out.
+    1), or None to choose one for each equation out of `path_length` between MIN_TERM_SHARE and 1:
+    by cross-validation, or by EBIC if nothing is held out.
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
@@ -59,7 +59,7 @@ def fit_raw(
     """Identify a model by STLSQ with thresholds in SI units, as in the paper.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out of
-    `path_length`, from NEGLIGIBLE times the largest coefficient of least squares up to it.
+    `path_length`, from MIN_TERM_SHARE times the largest coefficient of least squares up to it.
     kinematics: KNOWN replaces an identified rate of a displacement by its velocity.
     """
     library, targets = problem.triangle
@@ -160,7 +160,7 @@ def fit_ensemble(
     library = _mix_rows(scaled.library, size)
     targets = _mix_rows(scaled.targets, size) / thresholds  # in these units, as in `fit`
     medians = bagged_medians(library, targets, models, rng) * thresholds[:, np.newaxis]
-    support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
+    support = (np.abs(medians) >= MIN_TERM_SHARE)[:, np.newaxis]
     shares = refit(scaled.library, scaled.targets, support)[:, 0]
     return problem.model(scaled.unscale(shares), thresholds)
 

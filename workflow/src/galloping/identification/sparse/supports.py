@@ -2,8 +2,9 @@
 
 import numpy as np
 
-NEGLIGIBLE = 1e-4  # least share of a term in a state derivative: no sensor resolves less
-COLLINEAR = 1e-12  # share of a unit column's square that rounding leaves if others explain it
+MIN_TERM_SHARE = 1e-4  # least share of a term in a state derivative: no sensor resolves less
+# Least remainder of a unit column's square after other columns explain it. Less is rounding.
+MIN_REMAINDER = 1e-12
 
 
 def threshold_path(length: int) -> np.ndarray:
@@ -11,7 +12,7 @@ def threshold_path(length: int) -> np.ndarray:
 
     They are below 1, at which rounding would decide whether the only term of an equation stays.
     """
-    return np.geomspace(NEGLIGIBLE, 1 - NEGLIGIBLE, length)
+    return np.geomspace(MIN_TERM_SHARE, 1 - MIN_TERM_SHARE, length)
 
 
 def ebic(
@@ -109,7 +110,7 @@ def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.nda
     rows, columns = np.ogrid[:f, :m]
     for step in range(steps):
         # a column that others explain, except for rounding, adds nothing
-        gain = np.where(lengths > COLLINEAR, moments**2 / np.maximum(lengths, COLLINEAR), 0)
+        gain = np.where(lengths > MIN_REMAINDER, moments**2 / np.maximum(lengths, MIN_REMAINDER), 0)
         gain[taken] = 0
         place = gain.argmax(axis=2)
         best = rows, columns, place

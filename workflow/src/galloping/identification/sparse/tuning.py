@@ -26,16 +26,15 @@ from galloping.identification.sparse.supports import forward_models
 from galloping.model.polynomial import Exponents, design_matrix
 from galloping.recording.samples import Recording
 
-SMALLEST, WINDOWS = 7, 7  # samples of the smallest window, number of windows up to one period
-ORDERS = (5, 3)  # of the local polynomials
-HALF_WIDTHS = (1 / 8, 1 / 4, 1 / 2)  # of the test functions, in periods
-ENDS = (2, 8)  # orders of the test functions at their ends
-VALIDATION = (
-    1 / 2,
-    4,
-)  # half width in periods, and order at the ends, of the validating test functions
-MIN_ROWS = 7500  # rows of a long recording that are used, or up to twice as many: more add little
-STEPS = 15  # most terms of the models by which settings are compared
+MIN_WINDOW_SAMPLES = 7  # samples of the smallest window
+WINDOWS = 7  # number of window lengths up to one period
+POLYNOMIAL_ORDERS = (5, 3)  # orders of the local polynomials
+HALF_WIDTHS = (1 / 8, 1 / 4, 1 / 2)  # half widths of the test functions, in periods
+END_ORDERS = (2, 8)  # orders of the test functions at their ends
+VALIDATION_HALF_WIDTH = 1 / 2  # half width of the validating test functions, in periods
+VALIDATION_ORDER = 4  # order of the validating test functions at their ends
+MIN_ROWS = 7500  # least number of rows used of a long recording; at most twice as many are used
+MAX_TERMS = 15  # most terms of the models by which settings are compared
 Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets (r, m)
 
 
@@ -65,7 +64,7 @@ def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
 
     The errors of the state derivatives, each relative to the least of all filters, are added.
     """
-    path = partial(forward_models, steps=STEPS)
+    path = partial(forward_models, steps=MAX_TERMS)
     errors = np.stack(
         [judge_path(each.products, each.held_out, len(each.states), path).best for each in tried]
     )
@@ -145,11 +144,11 @@ class _Frame:
     def __init__(self, recording: Recording, period: float, terms: tuple[Exponents, ...]) -> None:
         n, self.states, self.values = len(recording.time), recording.states, recording.values
         self.step = float(recording.time[-1] - recording.time[0]) / (n - 1)
-        self.samples, self.terms = max(period / self.step, SMALLEST), terms
+        self.samples, self.terms = max(period / self.step, MIN_WINDOW_SAMPLES), terms
         margin, stride = int(self.samples / 2) + 2, max(1, n // MIN_ROWS)
         self.rows = np.arange(margin, n - margin, stride)
         self.stretches = block_slices(len(self.rows))
-        half = max(2, round(VALIDATION[0] * self.samples / stride))
+        half = max(2, round(VALIDATION_HALF_WIDTH * self.samples / stride))
         self.centres = [
             np.arange(each.start + half, each.stop - half, half // 2) for each in self.stretches
         ]
@@ -197,9 +196,9 @@ def tried_filters(
 
 def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
     """Yield a Savitzky-Golay filter for each window length and polynomial order."""
-    windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
+    windows = 2 * (np.geomspace(MIN_WINDOW_SAMPLES, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
-    for window, order in product(windows.tolist(), ORDERS):
+    for window, order in product(windows.tolist(), POLYNOMIAL_ORDERS):
         kernels = savitzky_golay(window, order, frame.step)
         states, slopes = (filtered(kernel, frame.rows) for kernel in kernels)
         yield frame.try_filter(design_matrix(states, frame.terms), slopes)
@@ -212,7 +211,7 @@ def weak_form_filters(frame: _Frame) -> Iterator[TriedFilter]:
     longest = 2 * halves[-1] + 1
     library, states = Convolution(raw, longest), Convolution(frame.values, longest)
     held_out = frame.held_out(raw[frame.rows])
-    for half, order in product(halves, ENDS):
+    for half, order in product(halves, END_ORDERS):
         weights, slopes = weak_form(half, order, frame.step)
         yield frame.try_filter(library(weights, frame.rows), states(slopes, frame.rows), held_out)
 
@@ -241,7 +240,7 @@ def _shortest_line_period(recording: Recording) -> float:
 
 def _test_function(half: int, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Compute weights (2 half + 1,) of int phi f and int phi' f for phi = (1 - u^2)^order."""
-    order, u = VALIDATION[1], np.arange(-half, half + 1) / half
+    order, u = VALIDATION_ORDER, np.arange(-half, half + 1) / half
     inside = 1 - u**2
     return step * inside**order, -2 * order * u * inside ** (order - 1) / half
 
