@@ -17,7 +17,7 @@ from galloping.identification.likelihood.repetition import FollowedRecording
 from galloping.identification.likelihood.verdict import Regression, assess_fit
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
 from galloping.identification.observations import Code
-from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, make_start
+from galloping.identification.preparation.weak_form import MAX_WEAK_MISFIT, Start, make_start
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
 
@@ -66,7 +66,7 @@ def weak_gls(
         used = segments_with_inputs(recordings, problem.inputs)
         guess = start or make_start(problem, used)
         fit, inflation = guess.fit, max(guess.fit.misfit, 1.0)
-        if fit.misfit >= MOST_MISFIT:
+        if fit.misfit >= MAX_WEAK_MISFIT:
             raise IdentificationError(Code.WEAK_MISFIT, misfit=fit.misfit)
         system = fit.information / inflation, fit.right / inflation
         identified = assess_fit(

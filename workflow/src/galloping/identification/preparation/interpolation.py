@@ -21,19 +21,19 @@ from galloping.identification.problem import Problem
 from galloping.model.polynomial import exponent_matrix
 from galloping.recording.samples import Input, Recording, evaluate_extended
 
-# Another interpolation is chosen if it removes more than this share of the misfit beyond the noise.
-# An input that is late by less than 0.3 of its step does then not count as held: its misfit, which
-# is quadratic in the delay, falls by less.
-LEAST_FALL = 1.0 / 3.0
-FINER = 8  # fine steps in a step of the grid; inputs are averaged exactly over each
+# Least share of the misfit beyond the noise that another interpolation removes. An input that is
+# late by less than 0.3 of its step does then not count as held: its misfit, which is quadratic in
+# the delay, falls by less.
+MIN_MISFIT_FALL = 1.0 / 3.0
+STEP_DIVISIONS = 8  # number of fine steps in a step of the grid; inputs are averaged over each
 
 
 def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:
     """Choose by the data how each input is interpolated between samples: held, linear or cubic.
 
     Returns the choice, as in `Input.between`, by the name of each input that has alternatives: its
-    present interpolation, unless an alternative removes the share LEAST_FALL of the misfit beyond
-    the noise, and more than the penalty of a term.
+    present interpolation, unless an alternative removes the share MIN_MISFIT_FALL of the misfit
+    beyond the noise, and more than the penalty of a term.
     """
     chosen = {
         name: recordings[0].inputs[name].between
@@ -60,7 +60,7 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
                 fits[kind] = weak_fit(problem, curves, penalty)
         best = min(fits, key=lambda kind: fits[kind].misfit, default=present)
         if fit := fits.get(present):
-            least = max(penalty / fit.rows, LEAST_FALL * (fit.misfit - 1.0))
+            least = max(penalty / fit.rows, MIN_MISFIT_FALL * (fit.misfit - 1.0))
             if fit.misfit - fits[best].misfit <= least:
                 continue
         chosen[name] = best
@@ -109,11 +109,11 @@ def _with_inputs(
     order in the step of the grid, however the input varies between the points. An input that the
     library divides by is limited to its range, which a kernel exceeds beside a jump.
     """
-    step = (curve.time[1] - curve.time[0]) / FINER
-    reach = 2 * FINER  # of the kernel
-    count = (len(curve.time) - 1) * FINER + 2 * reach
+    step = (curve.time[1] - curve.time[0]) / STEP_DIVISIONS
+    reach = 2 * STEP_DIVISIONS  # of the kernel
+    count = (len(curve.time) - 1) * STEP_DIVISIONS + 2 * reach
     fine = curve.time[0] + step * (np.arange(count) - reach + 0.5)
-    kernel = _cubic_kernel((np.arange(2 * reach) - reach + 0.5) / FINER) / FINER
+    kernel = _cubic_kernel((np.arange(2 * reach) - reach + 0.5) / STEP_DIVISIONS) / STEP_DIVISIONS
     is_divisor = np.any(exponent_matrix(problem.terms, len(problem.names)) < 0, axis=0)
     columns = []
     for k, name in enumerate(problem.inputs, start=len(problem.states)):
@@ -121,7 +121,7 @@ def _with_inputs(
         one = with_interpolation(one, kinds.get(name, one.between))
         means = one.mean_around(fine, step)
         means = np.where(np.isfinite(means), means, evaluate_extended(one, fine))
-        values = sliding_window_view(means, 2 * reach)[::FINER] @ kernel
+        values = sliding_window_view(means, 2 * reach)[::STEP_DIVISIONS] @ kernel
         columns.append(np.clip(values, means.min(), means.max()) if is_divisor[k] else values)
     return replace(curve, inputs=np.column_stack(columns))
 

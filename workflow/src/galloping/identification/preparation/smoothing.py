@@ -24,14 +24,15 @@ from galloping.recording.samples import Recording, inputs_on_grid
 
 # Degree of the smooth curves: the acceleration of a displacement's quintic spline is still cubic.
 SPLINE_DEGREE = 5
-# Least knots in a period: five represent a sine to 2.5e-4 of its size. The most, one at every
-# second point of the grid, represent its third harmonic to 1.4e-3.
-LEAST_KNOTS_PER_PERIOD = 5
-SAMPLES_PER_KNOT = 3  # least samples for each knot, to distinguish noise from the curve
-ABOVE_NOISE = 20.0  # power above this many times the median of a spectrum is signal
-LEAST_SAMPLES = 8  # least samples of a channel: fewer determine neither curve nor noise
-GRID_PER_PERIOD = 24  # grid points in a shortest period: eight for its third harmonic
-DRIFT_DEGREE = 3  # degree in time of the offset and slow drift of a rate channel in a recording
+# Least number of knots in a period: five represent a sine to 2.5e-4 of its size. The most, one at
+# every second point of the grid, represent its third harmonic to 1.4e-3.
+MIN_KNOTS_PER_PERIOD = 5
+MIN_SAMPLES_PER_KNOT = 3  # least samples for each knot, to distinguish noise from the curve
+MIN_SIGNAL_RATIO = 20.0  # least power of a signal, relative to the median of its spectrum
+MIN_CURVE_SAMPLES = 8  # least samples of a channel: fewer determine neither curve nor noise
+GRID_PER_PERIOD = 24  # number of grid points in a shortest period: eight for its third harmonic
+# Degree of the polynomial in time of the offset and slow drift of a rate channel in a recording.
+DRIFT_DEGREE = 3
 
 
 @cache
@@ -84,13 +85,13 @@ def shortest_period(recordings: list[Recording]) -> float:
         signals = (recording.time, recording.values[:, channel])
         for time, values in zip(*(np.array_split(one, pieces) for one in signals), strict=True):
             good = np.isfinite(values)
-            if good.sum() < LEAST_SAMPLES:
+            if good.sum() < MIN_CURVE_SAMPLES:
                 continue
             grid = np.linspace(time[0], time[-1], min(good.sum(), 2**13))
             signal = np.interp(grid, time[good], values[good])
             signal = (signal - signal.mean()) * np.hanning(len(signal))
             power = np.abs(np.fft.rfft(signal)) ** 2
-            power = np.where(power > ABOVE_NOISE * np.median(power), power, 0.0)[1:]
+            power = np.where(power > MIN_SIGNAL_RATIO * np.median(power), power, 0.0)[1:]
             total = np.cumsum(power)
             if total[-1] > 0.0:
                 bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
@@ -116,8 +117,8 @@ def smooth(recording: Recording, period: float) -> Smooth:
     sigma, noise = np.full((2, n_states), np.nan)
     residual = np.full(recording.values.shape, np.nan)
     for curve in curves:
-        supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
-        knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, GRID_PER_PERIOD // 2)
+        supported = counts[curve].sum() / MIN_SAMPLES_PER_KNOT / (duration / period)
+        knots = np.clip(supported, MIN_KNOTS_PER_PERIOD, GRID_PER_PERIOD // 2)
         pieces = max(round_up(duration / period * knots), 4)
         states[:, curve], residual[:, curve], noise[curve], density = _fit_curve(
             recording, curve, pieces, time, period
@@ -137,7 +138,7 @@ def _group_states(
     """Group states to smooth as one curve, [state] or [state, velocity], with `Smooth.derived`."""
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
-    plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
+    plenty = MIN_SAMPLES_PER_KNOT * MIN_KNOTS_PER_PERIOD * duration / period
     curves = []
     derived = np.full(len(recording.states), -1)
     for i, velocity in velocity_pairs(recording.states).items():
@@ -149,7 +150,7 @@ def _group_states(
             curves.append([i, velocity])
             derived[velocity] = i
     for i in np.setdiff1d(np.arange(len(counts)), np.concatenate([[], *curves])):
-        if counts[i] < LEAST_SAMPLES:
+        if counts[i] < MIN_CURVE_SAMPLES:
             raise IdentificationError(Code.NOT_MEASURED, recording.states[i])
         curves.append([i])
     return curves, derived
@@ -317,7 +318,7 @@ def with_integrals(recording: Recording) -> Recording:
     values, rates = recording.values.copy(), sampled_rates(recording)
     for x, v in missing.items():
         for channel, times in ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2)):
-            if np.isfinite(channel).sum() >= LEAST_SAMPLES:
+            if np.isfinite(channel).sum() >= MIN_CURVE_SAMPLES:
                 values[:, x] = _integrate_channel(recording.time, channel, times)
                 break
     return replace(recording, values=values)
@@ -363,7 +364,7 @@ def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.n
     signal = without_drift(grid, np.interp(grid, time[known], values[known]))
     omega = 2.0 * np.pi * np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:]
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))[1:]) ** 2
-    power = np.cumsum(np.where(power > ABOVE_NOISE * np.median(power), power, 0.0))
+    power = np.cumsum(np.where(power > MIN_SIGNAL_RATIO * np.median(power), power, 0.0))
     slowest = omega[np.searchsorted(power, 0.01 * power[-1])]
     passed = 1.0 / (1.0 + (0.6 * slowest / omega) ** 12)
     spectrum = np.append(0.0, passed * np.fft.rfft(signal)[1:] / (1j * omega) ** times)

@@ -26,7 +26,7 @@ from galloping.passes import passing
 from galloping.recording.samples import Recording, evaluate_extended, inputs_on_grid
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # grid steps between test functions: a third of their radius
-MOST_MISFIT = 3.0  # largest chi^2 per row of the weak form that linearised errors explain
+MAX_WEAK_MISFIT = 3.0  # largest chi^2 per row of the weak form that linearised errors explain
 
 
 def whitened_weak_form(

@@ -19,7 +19,7 @@ from galloping.identification.no_model import NO_MODEL_ERRORS, IdentificationErr
 from galloping.identification.observations import Code
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.preparation.smoothing import without_means
-from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
+from galloping.identification.preparation.weak_form import MAX_WEAK_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording.samples import Recording
 
@@ -336,7 +336,7 @@ def is_ambient_candidate(start: Start) -> bool:
     evidence of such a motion if noise hides larger ones, or if the start follows slower components
     instead of the oscillations.
     """
-    if start.fit.misfit >= MOST_MISFIT:
+    if start.fit.misfit >= MAX_WEAK_MISFIT:
         return True
     if not amplitude_fluctuates(start.recordings, start.period):
         return False
