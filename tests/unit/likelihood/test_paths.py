@@ -13,7 +13,7 @@ from identification_cases import model, noisy
 
 from galloping import Input, PolynomialModel, Recording, Simulator, maximum_likelihood, simulate
 from galloping import polynomial_library as library
-from galloping.identification.likelihood.instrument import FORCES
+from galloping.identification.likelihood.instrument import FORCE_CODES
 from galloping.identification.likelihood.starts import starts_of_terms
 from galloping.identification.likelihood.trajectory_fit import (
     fit_free_segments,
@@ -111,7 +111,7 @@ def test_forces_that_change_slowly_show_between_four_segments() -> None:
     motion = simulate(drifting, (0.5, 0.0), time, force).states
     recording = noisy(OSCILLATOR, motion, time, 0.05, 202611277)
     found = maximum_likelihood(recording, OSCILLATOR.terms)
-    assert found.status == "approximate" and found.has_finding(*FORCES)
+    assert found.status == "approximate" and found.has_finding(*FORCE_CODES)
 
 
 def test_segments_whose_initial_states_explain_all_samples_are_not_joined() -> None:

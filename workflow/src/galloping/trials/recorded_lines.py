@@ -24,7 +24,7 @@ from scipy.interpolate import CubicSpline
 
 from galloping.configuration.load import load, plain
 from galloping.cycles.settling import settle
-from galloping.identification.likelihood.instrument import FORCES
+from galloping.identification.likelihood.instrument import FORCE_CODES
 from galloping.identification.observations import Code
 from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.line.gusts import wind_speed
@@ -332,8 +332,8 @@ FAULTS = {
     "clock": (CLOCKS, (0.001, 0.005), _stretch_clock),
     "velocity scale": (RATES, (1.005, 1.005), _scale_velocity),
     "late channels": (DELAYS, (0.02, 0.2), _delay_channels),
-    "random force": (FORCES, (0.005, 0.02), _add_random_force),
-    "gusts": (FORCES, (0.001, 0.005), _add_gusts),
+    "random force": (FORCE_CODES, (0.005, 0.02), _add_random_force),
+    "gusts": (FORCE_CODES, (0.001, 0.005), _add_gusts),
     "jitter": ((Code.TIMES_JITTER,), (4.0, 4.0), _add_jitter),
     "multiplicative noise": ((Code.NOISE_GROWS,), (0.01, 0.01), _add_multiplicative_noise),
 }

@@ -12,12 +12,12 @@ from galloping.identification.work import count_work
 from galloping.trajectory.right_hand_side import System
 from galloping.trajectory.taylor import ORDER, Samples, integrate
 
-# Samples are reduced to PROJECTIONS projections in each window. A shortest period has
-# WINDOWS_PER_PERIOD windows, so short that the projections contain all information of the samples.
-# The error of Taylor series of `taylor.ORDER` is then TRUNCATION, relative to each state: below the
-# noise of any sensor.
-WINDOWS_PER_PERIOD, PROJECTIONS = 12, 3
-TRUNCATION = 1e-7
+# Number of windows in a shortest period. They are so short that projections contain all information
+# of the samples. TRUNCATION_ERROR: error of Taylor series of `taylor.ORDER` over a window, relative
+# to each state. It is below the noise of any sensor.
+WINDOWS_PER_PERIOD = 12
+PROJECTIONS = 3  # number of projections to which the samples of a window are reduced
+TRUNCATION_ERROR = 1e-7
 
 
 @dataclass(frozen=True)

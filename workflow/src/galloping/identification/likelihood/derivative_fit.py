@@ -5,10 +5,10 @@ from scipy.special import ndtri
 
 from galloping.identification.answers import refused_model
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.likelihood.condense import TRUNCATION
+from galloping.identification.likelihood.condense import TRUNCATION_ERROR
 from galloping.identification.likelihood.free_run import sandwich_covariance
 from galloping.identification.likelihood.model_error import prior_covariance
-from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
+from galloping.identification.likelihood.residual_tests import FALSE_OBJECTION_RATE
 from galloping.identification.likelihood.verdict import (
     FitFields,
     Regression,
@@ -54,7 +54,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rows, rate = theta[np.ix_(is_complete, columns)], rate[is_complete]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             residual = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
-            floor = TRUNCATION * np.abs(rate).max() + np.finfo(float).tiny
+            floor = TRUNCATION_ERROR * np.abs(rate).max() + np.finfo(float).tiny
             sigma[r, i] = max(np.sqrt(residual @ residual / (len(rate) - len(block))), floor)
             information[np.ix_(block, block)] += rows.T @ rows / sigma[r, i] ** 2
             right[block] += rate @ rows / sigma[r, i] ** 2
@@ -85,7 +85,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         for one, (*_, is_noisy) in zip(residuals, parts, strict=True)
         if is_noisy
     ]
-    if max(correlations, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(correlations), 1)):
+    if max(correlations, default=0.0) < -ndtri(FALSE_OBJECTION_RATE / max(len(correlations), 1)):
         return assess_fit(problem, Regression(information, right, support, penalty, size), **fitted)
     gradients = []
     for one, (block, rows, *_) in zip(residuals, parts, strict=True):

@@ -27,18 +27,17 @@ from galloping.identification.likelihood.weak_constraint import StretchFit
 from galloping.identification.selection import Price
 from galloping.identification.work import count_work
 
-# A chain ends before the derivatives of its end by its first state and by the coefficients, in
-# standard errors of one segment, exceed this limit, as in a chaotic or very long recording.
-# Integration errors grow as much. The last stretch of a chaotic recording has most information: of
-# 288 recordings of Lorenz's system with 20 to 40 % of noise, 213 have exact models with a limit of
-# 2,000, 246 with 1e6; of 48 others, 39 with 1e6, 37 with 1e8, and 39 with 1e10.
+# Largest derivatives of a chain's end by its first state and by the coefficients, in standard
+# errors of one segment. They are larger in a chaotic or very long recording, and integration errors
+# grow as much. The last stretch of a chaotic recording has most information: of 288 recordings of
+# Lorenz's system with 20 to 40 % of noise, 213 have exact models with a limit of 2,000, 246 with
+# 1e6; of 48 others, 39 with 1e6, 37 with 1e8, and 39 with 1e10.
 MAX_SEGMENT_GROWTH = 1e6
-# A direction of a chain's first state is not solved for if its relative singular value is below
-# UNDETERMINED: three times TRUNCATION, since integration errors cause singular values of this size.
-# With jumps, whose precision may differ by any factor, the limit is rounding,
-# UNDETERMINED_WITH_JUMPS.
-UNDETERMINED, UNDETERMINED_WITH_JUMPS = 3e-7, 1e-13
-LEAST_JUMP = 1e-12  # least variance of a jump, relative to the mean square of a state
+# Least relative singular value of a direction of a chain's first state that is solved for: three
+# times TRUNCATION_ERROR, since integration errors cause singular values of this size.
+RANK_TOLERANCE = 3e-7
+JUMP_RANK_TOLERANCE = 1e-13  # the same with jumps, whose precision may differ by any factor
+MIN_JUMP_VARIANCE = 1e-12  # least variance of a jump, relative to the mean square of a state
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def eliminate_chains(linear: Linearised, segments: Segments) -> Eliminated:
     """Reduce a fit with joined segments to normal equations of the coefficients alone."""
     links = np.where(np.diff(segments.chains, append=-1) == 0, EQUAL, FREE)
     roots = np.zeros((*linear.starts.shape, linear.starts.shape[1]))
-    return _eliminate(linear, links, roots, UNDETERMINED)
+    return _eliminate(linear, links, roots, RANK_TOLERANCE)
 
 
 def eliminate_with_jumps(
@@ -132,7 +131,7 @@ def eliminate_with_jumps(
             information=np.delete(linear.information, left_out, axis=0),
             right=np.delete(linear.right, left_out, axis=0),
         )
-    return _eliminate(linear, links, roots, UNDETERMINED_WITH_JUMPS)
+    return _eliminate(linear, links, roots, JUMP_RANK_TOLERANCE)
 
 
 def _eliminate(
@@ -203,4 +202,4 @@ def jump_covariance(
     squares = gap[:, :, None] * gap[:, None, :] + solved.jump_variance[jumping]
     squares = squares[:, :n_states, :n_states] / record.segment_sizes[jumping, None, None] ** 2
     floor = np.mean(record.states**2, axis=0) + np.finfo(float).tiny
-    return np.sum(squares, axis=0) / max(len(jumping), 1) + LEAST_JUMP * np.diag(floor)
+    return np.sum(squares, axis=0) / max(len(jumping), 1) + MIN_JUMP_VARIANCE * np.diag(floor)

@@ -7,10 +7,10 @@ import numpy as np
 from galloping.identification.answers import prepend_path
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.free_run import approximate_free_runs, has_forgotten_start
-from galloping.identification.likelihood.instrument import FORCES, find_faults
+from galloping.identification.likelihood.instrument import FORCE_CODES, find_faults
 from galloping.identification.likelihood.missing_terms import find_missing_kind
 from galloping.identification.likelihood.residual_tests import (
-    MOST_COLOUR,
+    MAX_COLOUR_RATIO,
     ResidualDiagnostics,
     diagnose_residuals,
 )
@@ -44,7 +44,7 @@ def fit_exact(start: Start) -> IdentifiedModel | NoModel:
         causes = [] if is_cut else _find_causes(joined.free_step.fit, penalty)
         return NoModel((*causes, joined.objection))
     residual, tests = _chain_residuals(start, joined.step.fit)
-    if tests.is_coloured and tests.band < MOST_COLOUR:
+    if tests.is_coloured and tests.band < MAX_COLOUR_RATIO:
         joined = _refit_coloured_noise(start, joined, tests)
         if joined.objection:
             return NoModel((joined.objection,))
@@ -181,9 +181,9 @@ def _find_causes(fit: ShootingFit, penalty: float) -> list[Finding]:
     excess_share = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
     excess = float(np.sum(fit.record.condensed.rows * excess_share))
     causes = [fault.cause for fault in find_faults(fit, penalty) if fault.can_explain(excess)][:1]
-    if fit.misfit < CLOSE_MISFIT and not any(each.code in FORCES for each in causes):
+    if fit.misfit < CLOSE_MISFIT and not any(each.code in FORCE_CODES for each in causes):
         # a small fault would not prevent the segments from joining
-        forces = FORCES[bool(fit.record.problem.inputs)]
+        forces = FORCE_CODES[bool(fit.record.problem.inputs)]
         causes += [Finding.of(Code.FOLLOWED_IN_PIECES), Finding.of(forces)]
     return causes
 

@@ -23,13 +23,13 @@ from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import exponent_matrix
 from galloping.passes import passing
 
-# Parts of a stretch. Coefficients are constant in each part, which lasts a tenth of their
+# Number of parts of a stretch. Coefficients are constant in each part, which lasts a tenth of their
 # correlation time. Measured: with ten parts, the slow mode seems to fluctuate as well.
 PARTS = 24
 # Correlation of a fluctuation with itself one part later. The correlation time is four periods.
 # Measured: dampings and amplitudes in gusts are as accurate with 2 to 7 periods as with the true
 # spectrum of the wind.
-MEMORY = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
+PART_CORRELATION = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
 
 
 def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
@@ -131,7 +131,7 @@ def _add_fluctuations(
     added = ((0, 0), (0, extra))
     slopes = np.pad(linear.end_derivatives, (*added, (0, extra)))
     slopes[:, :n_states, n + n_states :] = linear.end_derivatives[:, :, rates]
-    slopes[:, n_states:, n + n_states :] = MEMORY * np.eye(extra)
+    slopes[:, n_states:, n + n_states :] = PART_CORRELATION * np.eye(extra)
     return replace(
         linear, starts=np.pad(linear.starts, added), ends=np.pad(linear.ends, added),
         rows=np.concatenate([linear.rows, begin], axis=1), end_derivatives=slopes,
@@ -153,5 +153,5 @@ def _change_roots(
     states[jumping] = record.jump_roots(jump)[jumping]
     n_states = len(size)
     roots = np.pad(states, ((0, 0), (0, len(variance)), (0, len(variance))))
-    roots[:, n_states:, n_states:] = np.diag(((1.0 - MEMORY**2) * variance) ** -0.5)
+    roots[:, n_states:, n_states:] = np.diag(((1.0 - PART_CORRELATION**2) * variance) ** -0.5)
     return roots

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.likelihood.elimination import UNDETERMINED
+from galloping.identification.likelihood.elimination import RANK_TOLERANCE
 from galloping.identification.likelihood.model_error import (
-    SYSTEMATIC,
+    SYSTEMATIC_FACTOR,
     Approximation,
     as_identified,
     prior_covariance,
@@ -23,7 +23,11 @@ from galloping.identification.likelihood.shooting import (
     ShootingFit,
     segment_residuals,
 )
-from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, take_step
+from galloping.identification.likelihood.trajectory_fit import (
+    DECREMENT_TOLERANCE,
+    MAX_PASSES,
+    take_step,
+)
 from galloping.identification.no_model import NoModel
 from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import solve_support
@@ -70,7 +74,7 @@ def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray)
         first = np.linspace(0, len(gradient), min(len(gradient), 40), endpoint=False).astype(int)
         sums.append(np.add.reduceat(gradient, first))
     influence = np.concatenate(sums) @ covariance
-    return SYSTEMATIC * small_sample_factor(len(influence)) * influence.T @ influence
+    return SYSTEMATIC_FACTOR * small_sample_factor(len(influence)) * influence.T @ influence
 
 
 def fit_free_runs(
@@ -91,10 +95,10 @@ def fit_free_runs(
     before = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not has_forgotten_start(fit):
         return NoModel()
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         step = take_step(before, fit, None, None)
         before, fit = step.before, step.fit
-        if step.decrement < CONVERGED:
+        if step.decrement < DECREMENT_TOLERANCE:
             break
     residual, _ = segment_residuals(record, fit.free, fit.starts)
     information = fit.linearise().information.sum(axis=0)
@@ -126,7 +130,7 @@ def _window_gradients(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.nda
     n = len(pairs)
     for windows, rows, weight in _chain_slopes(fit, pairs):
         flat = rows.reshape(-1, rows.shape[3])
-        by_start = np.linalg.lstsq(flat[:, n:], flat[:, :n], rcond=UNDETERMINED)[0]
+        by_start = np.linalg.lstsq(flat[:, n:], flat[:, :n], rcond=RANK_TOLERANCE)[0]
         design = rows[..., :n] - rows[..., n:] @ by_start
         yield np.einsum("worp,wor->wp", design, residual[windows] * weight)
 

@@ -11,14 +11,15 @@ import numpy as np
 from galloping.identification.free_motion.damped_modes import Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import strongest_mode
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.residual_tests import NEIGHBOURS, ROUNDING
+from galloping.identification.likelihood.residual_tests import MIN_RESIDUAL, NEIGHBOUR_BINS
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.oscillations import FurtherMode
 from galloping.model.polynomial import velocity_pairs
 
-MOST_MODES = 4  # most modes of a channel
-LEAST_POWER = 0.1  # least share of the residual's power that a reported mode explains
-FASTEST = 0.4  # most periods of a mode in a window: means over windows show little of faster ones
+MAX_MODES = 4  # most modes of a channel
+MIN_POWER_SHARE = 0.1  # least share of the residual's power that a reported mode explains
+# Most periods of a mode in a window. Means over windows show little of faster modes.
+MAX_WINDOW_PERIODS = 0.4
 
 
 def find_further_modes(
@@ -37,8 +38,8 @@ def find_further_modes(
         for o, i in enumerate(condensed.observed):
             series, data = residual[a:b, o, 0], condensed.motion[a:b, o, 0]
             sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(series))
-            is_exact = np.linalg.norm(series[sampled]) < ROUNDING * np.linalg.norm(data)
-            is_short = len(sampled) < max((b - a) / 2, NEIGHBOURS)
+            is_exact = np.linalg.norm(series[sampled]) < MIN_RESIDUAL * np.linalg.norm(data)
+            is_short = len(sampled) < max((b - a) / 2, NEIGHBOUR_BINS)
             if condensed.is_rate[o] or i in rates or is_exact or is_short:
                 continue
             means = series[sampled] / weights[a:b, o][sampled]
@@ -55,13 +56,13 @@ def _find_oscillations(
 ) -> list[tuple[float, float, float, float]]:
     """Find frequency, growth, cosine and sine of the strongest oscillations, as in `FurtherMode`.
 
-    There are at most MOST_MODES, the strongest first. values: (n,) means over windows, s, about the
+    There are at most MAX_MODES, the strongest first. values: (n,) means over windows, s, about the
     times (n,), of which some may be missing. lowest: frequency, Hz.
     """
     stretch = Stretch(time - time[0], values[:, np.newaxis], (0,))
-    band = 2.0 * np.pi * lowest, 2.0 * np.pi * FASTEST / window
+    band = 2.0 * np.pi * lowest, 2.0 * np.pi * MAX_WINDOW_PERIODS / window
     poles, amplitudes, residual = np.empty(0, complex), np.empty(0, complex), values - values.mean()
-    for _ in range(MOST_MODES):
+    for _ in range(MAX_MODES):
         best = strongest_mode([stretch], [residual[:, np.newaxis]], poles, band=band)
         if best is None:
             break
@@ -69,7 +70,7 @@ def _find_oscillations(
         if isinstance(fit, NoModel):
             break
         remainder = fit.residuals[0][:, 0]
-        if remainder @ remainder > (1.0 - LEAST_POWER) * (residual @ residual):
+        if remainder @ remainder > (1.0 - MIN_POWER_SHARE) * (residual @ residual):
             break
         poles, amplitudes, residual = fit.poles, fit.amplitudes[0][:, 0], remainder
     modes = []

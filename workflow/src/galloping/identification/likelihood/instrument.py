@@ -31,7 +31,8 @@ from galloping.identification.selection import (
 )
 from galloping.model.polynomial import Exponents, exponent_matrix, velocity_pairs
 
-FORCES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)  # unknown forces without inputs, and with inputs
+# Codes of unknown forces without inputs, and with inputs.
+FORCE_CODES = (Code.FORCES, Code.FORCES_BESIDE_INPUTS)
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Fault:
         """Decide whether the fault explains most of an excess of chi^2 over that of the noise."""
         # any misfit of a model shows as unknown forces
         explained = 0.0 if self.is_noise else self.z**2
-        return self.cause.code in FORCES or explained >= excess / 2.0
+        return self.cause.code in FORCE_CODES or explained >= excess / 2.0
 
 
 def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
@@ -284,7 +285,7 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
             square = misfit_fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
             # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
             z = np.sqrt(2.0 * max(square, 0.0)) - np.sqrt(2.0 * freedom - 1.0)
-            cause = Finding.of(FORCES[bool(fit.record.problem.inputs)])
+            cause = Finding.of(FORCE_CODES[bool(fit.record.problem.inputs)])
             tested.append(Fault(cause, True, float(z)))
     return tested
 

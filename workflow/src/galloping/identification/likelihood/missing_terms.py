@@ -27,11 +27,11 @@ from galloping.model.polynomial import (
 )
 from galloping.recording.samples import powers_of_legendre
 
-# In each window a force is evaluated at POINTS times, and fitted by a polynomial of degree DEGREE.
-POINTS, DEGREE = 10, 5
-# A force is named if it explains at least this share of the misfit, beyond the noise, of the best
-# model of the library. With a larger share, other causes were named instead.
-EXPLAINED = 0.5
+QUADRATURE_POINTS = 10  # number of times in a window at which a force is evaluated
+DEGREE = 5  # degree of the polynomial in time that is fitted to a force in a window
+# Least share of the misfit of the library's best model, beyond the noise, that a reported force
+# explains. With a larger share, other causes were reported instead.
+MIN_EXPLAINED_SHARE = 0.5
 
 
 def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
@@ -69,7 +69,7 @@ def find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
         falls.append(score_test(information[np.ix_(kept, kept)], right[kept], np.ones(1)) ** 2)
     best = int(np.argmax(falls))
     excess = chi2 - float(np.sum(record.condensed.rows))
-    if falls[best] < max(2.0 * penalty, EXPLAINED * excess):
+    if falls[best] < max(2.0 * penalty, MIN_EXPLAINED_SHARE * excess):
         return []
     same_force = [term for *place, term in kinds if place == list(kinds[best][:2])]
     names = " or ".join(term_name(term, problem.names) for term in same_force)
@@ -91,7 +91,7 @@ def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
 def _forces_along_motion(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
     """Fit polynomials in time to terms along a fit's motion, (n_windows, DEGREE + 1, n_terms)."""
     problem, n_states = fit.record.problem, fit.starts.shape[1]
-    nodes, weights = leggauss(POINTS)
+    nodes, weights = leggauss(QUADRATURE_POINTS)
     states = fit.states_at((nodes + 1.0) / 2.0)
     plain = tuple((*term[:n_states], *term[len(problem.names) :]) for term in terms)
     values = design_matrix(states.reshape(-1, n_states), plain).reshape(*states.shape[:2], -1)

@@ -41,9 +41,11 @@ from galloping.identification.work import is_exhausted
 from galloping.model.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
 
-# Ratio of total variance to variance between stretches: an error of all may be as large.
-SYSTEMATIC = 2.0
-LEAST_SHARE = 1e-9  # share of the information on a direction below which that of a part is rounding
+# Ratio of total variance to variance between stretches. The systematic error of all stretches may
+# be as large as the latter.
+SYSTEMATIC_FACTOR = 2.0
+# Least share of a part in the information on a direction. Smaller ones are rounding.
+MIN_INFORMATION_SHARE = 1e-9
 
 MisfitOf = Callable[[ShootingData, np.ndarray], np.ndarray]
 
@@ -335,8 +337,10 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
         residual[windows] = condensed.targets[windows] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(n_folds - 1, 1)
-    covariance = SYSTEMATIC * small_sample_factor(n_folds) * freedom / n_folds * spread.T @ spread
-    covariance += SYSTEMATIC * of_single_folds
+    covariance = (
+        SYSTEMATIC_FACTOR * small_sample_factor(n_folds) * freedom / n_folds * spread.T @ spread
+    )
+    covariance += SYSTEMATIC_FACTOR * of_single_folds
     # A few folds may agree by chance: no variance is below that of the whole fit. Of the exam's 27
     # approximate models, three have an error that this raises, by a tenth to two fifths.
     _, least = solve_support(whole.information, np.zeros(len(fit.support)), fit.support)
@@ -360,7 +364,7 @@ def _change_without(
     scale = np.outer(unit, unit)
     shares, directions = eigh(part.information[kept] * scale, whole[kept] * scale)
     directions *= unit[:, None]
-    known = shares > LEAST_SHARE
+    known = shares > MIN_INFORMATION_SHARE
     along = directions[:, known] / np.sqrt(shares[known])
     return along @ (along.T @ part.right[support]), directions[:, ~known]
 

@@ -10,10 +10,10 @@ from scipy.optimize import minimize_scalar
 from galloping.model.polynomial import PolynomialModel
 from galloping.trajectory.taylor import Ending, solve
 
-# Samples in a period, which may take at most 64 integration steps. A cubic spline through them errs
-# by 2e-5 of a third harmonic, 1e-4 of a fifth.
-SAMPLES = 60
-FINE = 1e-4  # accuracy of a delay, relative to the step between these samples
+# Number of samples in a period, which may take at most 64 integration steps. A cubic spline through
+# them errs by 2e-5 of a third harmonic, 1e-4 of a fifth.
+SAMPLES_PER_PERIOD = 60
+DELAY_TOLERANCE = 1e-4  # accuracy of a delay, in steps between these samples
 
 
 class FollowedRecording(NamedTuple):
@@ -49,7 +49,7 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
     thirds of the time, since two tones without a common period return once, it must leave less than
     a hundredth. period: s; a motion that repeats over 500 periods is periodic.
     """
-    time = np.arange(0.0, min(followed.duration, 500 * period), period / SAMPLES)
+    time = np.arange(0.0, min(followed.duration, 500 * period), period / SAMPLES_PER_PERIOD)
     try:
         states = _segment_motion(model, followed, time)
     except FloatingPointError:
@@ -74,7 +74,7 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
         width = count * step
         best = minimize_scalar(
             lag_distance, bounds=(count * best - width, count * best + width), method="bounded",
-            options={"xatol": FINE * step},
+            options={"xatol": DELAY_TOLERANCE * step},
         ).x  # fmt: skip
     return lag_distance(best) < 0.01
 
@@ -87,7 +87,7 @@ def _segment_motion(
     parts = []
     for k in np.unique(owner):
         of_segment = np.append(followed.times[k], time[owner == k])
-        most = 64 * (len(of_segment) // SAMPLES + 1)
+        most = 64 * (len(of_segment) // SAMPLES_PER_PERIOD + 1)
         solution = solve(model, followed.states[k], of_segment, most)
         if solution.ending is not Ending.COMPLETE:
             raise FloatingPointError(solution.ending.name)

@@ -11,19 +11,19 @@ from galloping.arrays import TIME_ROUNDING
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.observations import Code, Finding
 
-# Rate at which white noise raises an objection, by the highest of all its spectral lines or by a
-# sum of squares.
-RESIDUAL_RATE = 1e-6
-# The height of a spectral line is measured relative to the mean of this many bins on each side,
-# which has a relative standard deviation of a fifth.
-NEIGHBOURS = 15
-# Noise counts as correlated over a few samples if chi^2 per degree of freedom exceeds this limit: a
-# model error of this size would be refused by its spectrum. The power of such noise at the motion's
-# frequencies may be up to this many times that at higher ones, and intervals widen by the root of
-# the ratio. Noise correlated over a period has a larger ratio, and looks like motion.
-MOST_COLOUR = 2.0
-# Residuals and noise below this share of a channel are truncation errors (1e-7) and rounding.
-ROUNDING = 1e-5
+# Rate of false objections to white noise, by the highest of all its spectral lines or by a sum of
+# squares.
+FALSE_OBJECTION_RATE = 1e-6
+# Number of bins on each side of a spectral line, relative to whose mean its height is measured. The
+# mean has a relative standard deviation of a fifth.
+NEIGHBOUR_BINS = 15
+# Largest chi^2 per degree of freedom of noise that does not count as correlated over a few samples:
+# a model error of this size would be refused by its spectrum. The power of correlated noise at the
+# motion's frequencies may be up to this many times that at higher ones, and intervals widen by the
+# root of the ratio. Noise correlated over a period has a larger ratio, and looks like motion.
+MAX_COLOUR_RATIO = 2.0
+# Least residual or noise, relative to its channel, that is not truncation (1e-7) or rounding.
+MIN_RESIDUAL = 1e-5
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class ResidualDiagnostics:
     @property
     def is_coloured(self) -> bool:
         """Whether the residuals show measurement noise that is correlated over a few samples."""
-        return not self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed)
+        return not self.noise_known and self.chi2 > max(MAX_COLOUR_RATIO, self.chi2_allowed)
 
     def find_objections(self, channels: list[str]) -> list[Finding]:
         """Return reasons not to trust the fit, such as correlated residuals; empty if reliable.
@@ -72,10 +72,10 @@ class ResidualDiagnostics:
             return [Finding.of(Code.RESIDUAL_LINE, channel, frequency_hz=self.frequency, **misfit)]
         if self.line > self.line_allowed:
             return [Finding.of(Code.RESIDUAL_DRIFTS, channel, **misfit)]
-        if self.band > (MOST_COLOUR if self.is_coloured else self.band_allowed):
+        if self.band > (MAX_COLOUR_RATIO if self.is_coloured else self.band_allowed):
             code = Code.NOISE_CORRELATED if self.is_coloured else Code.RESIDUAL_POWER
             return [Finding.of(code, **misfit)]
-        if self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed):
+        if self.noise_known and self.chi2 > max(MAX_COLOUR_RATIO, self.chi2_allowed):
             return [Finding.of(Code.NOISE_EXCEEDS_KNOWN, chi2=self.chi2)]
         return []
 
@@ -86,8 +86,8 @@ def diagnose_residuals(
     """Test the residuals of a fit for whiteness and for their size against the noise.
 
     residual: (n_windows, n_observed, n_rows). parameters: number of parameters of the fit. period:
-    the shortest of the motion, s. Channels whose residuals are below ROUNDING are left out of the
-    spectra.
+    the shortest of the motion, s. Channels whose residuals are below MIN_RESIDUAL are left
+    out of the spectra.
     """
     limit = 1.5 * condensed.step / period * (1.0 - TIME_ROUNDING)  # a bin may be at the limit
     low, high, bins = [], [], np.zeros(2)
@@ -97,8 +97,10 @@ def diagnose_residuals(
         for o in range(residual.shape[1]):
             series = residual[a:b, o, 0]
             sampled = np.count_nonzero(series)
-            exact = np.linalg.norm(series) < ROUNDING * np.linalg.norm(condensed.motion[a:b, o, 0])
-            if b - a < 4 * NEIGHBOURS or sampled < NEIGHBOURS or exact:
+            exact = np.linalg.norm(series) < MIN_RESIDUAL * np.linalg.norm(
+                condensed.motion[a:b, o, 0]
+            )
+            if b - a < 4 * NEIGHBOUR_BINS or sampled < NEIGHBOUR_BINS or exact:
                 continue
             power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled
             below = np.arange(1, len(power) + 1) / (b - a) < limit
@@ -115,9 +117,9 @@ def diagnose_residuals(
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
         band_allowed = _max_mean_square(np.sqrt(np.sum(1.0 / bins)))
     # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; limit of the highest
-    m = 2 * NEIGHBOURS - 4
+    m = 2 * NEIGHBOUR_BINS - 4
     tested = residual.shape[1] * int(condensed.first[-1]) / 2.0
-    line_allowed = m * ((RESIDUAL_RATE / tested) ** (-1.0 / m) - 1.0)
+    line_allowed = m * ((FALSE_OBJECTION_RATE / tested) ** (-1.0 / m) - 1.0)
     line, frequency, channel, cycles = max(lines, key=lambda line: line[0])
     return ResidualDiagnostics(
         *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,
@@ -142,8 +144,11 @@ def _chi2_inside(
 
 
 def _max_mean_square(spread: float) -> float:
-    """Compute the mean square, of mean one and deviation `spread`, exceeded at RESIDUAL_RATE."""
-    return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)
+    """Compute the limit, exceeded at FALSE_OBJECTION_RATE, of a mean square with mean one.
+
+    spread: standard deviation of the mean square.
+    """
+    return float(1.0 + np.ceil(-ndtri(FALSE_OBJECTION_RATE)) * spread)
 
 
 def _highest_peak(power: np.ndarray) -> tuple[float, int]:
@@ -152,10 +157,10 @@ def _highest_peak(power: np.ndarray) -> tuple[float, int]:
     Returns the ratio and the bin; a ratio of zero if a record is too short to have so many
     neighbours. The two bins beside a peak, into which it leaks, are left out.
     """
-    if len(power) <= 2 * NEIGHBOURS:
+    if len(power) <= 2 * NEIGHBOUR_BINS:
         return 0.0, 1
-    around = np.ones(2 * NEIGHBOURS + 1)
-    around[NEIGHBOURS - 2 : NEIGHBOURS + 3] = 0.0
+    around = np.ones(2 * NEIGHBOUR_BINS + 1)
+    around[NEIGHBOUR_BINS - 2 : NEIGHBOUR_BINS + 3] = 0.0
     weight = np.convolve(np.ones(len(power)), around, mode="same")
     ratio = power / (np.convolve(power, around, mode="same") / weight)
     return float(ratio.max()), 1 + int(np.argmax(ratio))

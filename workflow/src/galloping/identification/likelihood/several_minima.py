@@ -19,7 +19,7 @@ from galloping.identification.likelihood.elimination import (
 from galloping.identification.likelihood.shooting import ShootingFit, segment_residuals
 from galloping.identification.likelihood.trajectory_fit import (
     CLOSE_MISFIT,
-    CONVERGED,
+    DECREMENT_TOLERANCE,
     JoinedFit,
     Step,
     update_noise,
@@ -31,8 +31,8 @@ from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal
 from galloping.trajectory.simulation import STICKING_TOLERANCE
 
-DRAWN_FITS = 40  # number of drawn models from which other minima are sought
-TURNS = 2  # turns of the motion in the last swing before it sticks
+DRAWN_FITS = 40  # number of drawn models from which other minima are searched for
+SWING_TURNS = 2  # number of turns of the motion in the last swing before it sticks
 
 
 def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
@@ -100,12 +100,12 @@ def _descend_chi2(fit: ShootingFit) -> Step:
             share /= 2.0
         fall = 0.0 if better is None else fit.chi2 - better.chi2
         before, fit = fit, better or fit
-        if fall < CONVERGED or is_exhausted():
+        if fall < DECREMENT_TOLERANCE or is_exhausted():
             break
     quadratic, change = _quadratic_model(fit)
     decrement = float(change @ quadratic.information @ change)
     right = quadratic.right
-    if decrement > CONVERGED:  # at a kink
+    if decrement > DECREMENT_TOLERANCE:  # at a kink
         right = right - quadratic.information @ change
     return Step(quadratic.information, right, before, fit, decrement, float(quadratic.gap.max()))
 
@@ -166,8 +166,8 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
         turns = np.flatnonzero(argument[:-1] * argument[1:] < 0.0)
         for begin in np.flatnonzero(is_still & ~np.append(False, is_still[:-1])):
             before = turns[turns < begin]
-            if len(before) >= TURNS:
-                is_still[before[-TURNS] : begin] = True
+            if len(before) >= SWING_TURNS:
+                is_still[before[-SWING_TURNS] : begin] = True
         stuck |= is_still
     shown, samples = condensed.is_present.any(axis=(1, 2)), condensed.samples
     few = np.sum(~stuck & shown) < 0.1 * np.sum(shown)

@@ -22,15 +22,15 @@ from galloping.identification.work import count_work
 from galloping.recording.samples import Recording
 from galloping.trajectory.taylor import at_points, integrate
 
-# A solution counts as diverged if it is this many times as large as the recorded motion, or if its
-# derivatives are this many times their expected size. Products of such numbers are finite.
-HUGE = 1e30
+# Ratio of a diverged solution to the recorded motion, or of its derivatives to their expected size.
+# Products of such numbers are finite.
+DIVERGENCE_RATIO = 1e30
 # Most trials of windows and segments, and of a Gauss-Newton step, each half as long as the one
 # before (docs/identification_parts.csv).
-MOST_TRIALS = 6
+MAX_TRIALS = 6
 Fit = TypeVar("Fit", bound=Any)  # with `record`, `free`, `support` and `starts`
 Result = TypeVar("Result")
-SEGMENT_WORK = 5e-5  # s of work to linearise a segment, or to put it in a chain
+SEGMENT_WORK = 5e-5  # work to linearise a segment, or to put it in a chain, s
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class ShootingData:
                 compiled, first[begin : end + 1], starts, False
             )[0]
         size = np.abs(self.condensed.targets).max(axis=(0, 2)) + np.finfo(float).tiny
-        return np.where(np.abs(predicted) < HUGE * size[:, None], predicted, np.inf)
+        return np.where(np.abs(predicted) < DIVERGENCE_RATIO * size[:, None], predicted, np.inf)
 
     @cached_property
     def extent(self) -> np.ndarray:
@@ -163,7 +163,7 @@ class ShootingData:
         Raises FloatingPointError if a solution diverges.
         """
         compiled, first = self.problem.compile_system(free, pairs), self.segments.first
-        most = HUGE * self.extent, HUGE * self.derivative_units(pairs)
+        most = DIVERGENCE_RATIO * self.extent, DIVERGENCE_RATIO * self.derivative_units(pairs)
         for begin in range(0, len(starts), at_once):
             group = slice(begin, min(begin + at_once, len(starts)))
             edges = first[group.start : group.stop + 1]
@@ -328,7 +328,7 @@ class ShootingFit:
             compiled, record.condensed.step, record.segments.first, self.starts, powers,
             np.arange(n), record.condensed.inputs, False, samples,
         )  # fmt: skip
-        if not np.all(np.abs(states) < HUGE):
+        if not np.all(np.abs(states) < DIVERGENCE_RATIO):
             raise FloatingPointError("the model diverges within a segment")
         return states.transpose(0, 2, 1)
 
@@ -377,7 +377,7 @@ def segment_residuals(
     predicted, _, ends, _, truncation = record.condensed.integrate_segments(
         compiled, record.segments.first, starts, sensitive=False
     )
-    if not np.all(np.abs(ends) < HUGE * record.extent):
+    if not np.all(np.abs(ends) < DIVERGENCE_RATIO * record.extent):
         raise FloatingPointError("the model diverges over the recording")
     return record.condensed.targets - predicted, truncation
 
@@ -386,9 +386,9 @@ def shorten_step(use: Callable[[Fit], Result], before: Fit, fit: Fit) -> Result:
     """Call a function of a fit, and halve the step to the fit as long as this fails.
 
     before: the fit from which the step leads to `fit`; fits between have its noise. Raises
-    NotConvergedError if the function raises FloatingPointError MOST_TRIALS times.
+    NotConvergedError if the function raises FloatingPointError MAX_TRIALS times.
     """
-    for _ in range(MOST_TRIALS):
+    for _ in range(MAX_TRIALS):
         try:
             return use(fit)
         except FloatingPointError:

@@ -24,7 +24,7 @@ from galloping.identification.preparation.weak_form import (
 )
 from galloping.recording.samples import Recording
 
-TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # shares of the period that the spectrum shows, in order of trial
+TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # shares of the period of the spectrum, in order of trial
 
 
 def rescale_start(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from galloping.identification.likelihood.condense import (
-    TRUNCATION,
+    TRUNCATION_ERROR,
     WINDOWS_PER_PERIOD,
     Condensed,
     condense_recordings,
@@ -16,9 +16,9 @@ from galloping.identification.likelihood.elimination import (
     chain_segments,
     eliminate_chains,
 )
-from galloping.identification.likelihood.residual_tests import ROUNDING
+from galloping.identification.likelihood.residual_tests import MIN_RESIDUAL
 from galloping.identification.likelihood.shooting import (
-    MOST_TRIALS,
+    MAX_TRIALS,
     ShootingData,
     ShootingFit,
     cut_segments,
@@ -36,10 +36,12 @@ from galloping.model.polynomial import design_matrix, velocity_pairs
 from galloping.passes import passing
 from galloping.recording.samples import Recording
 
-PERIODS_PER_SEGMENT = 6  # length of the first segments, from which a rough guess converges
-CLOSE_MISFIT = 1.5  # chi^2 per projection below which a fit is close enough to choose its terms
-MOST_PASSES = 20  # most passes with joined segments
-CONVERGED = 0.01  # squared length of the last step, in standard deviations: errors grow by 0.5 %
+# Length of the first segments, in periods. Fits to them converge from a rough guess.
+PERIODS_PER_SEGMENT = 6
+CLOSE_MISFIT = 1.5  # largest chi^2 per projection of a fit that is close enough to choose its terms
+MAX_PASSES = 20  # most passes with joined segments
+# Largest squared length of the last step, in standard deviations. It increases errors by 0.5 %.
+DECREMENT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -166,11 +168,11 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
         np.hstack([one.states, np.gradient(one.states, one.time, axis=0)]) for one in smoothed
     ]
     size = np.array([np.std(one[:, channels], axis=0) for one in curves])
-    floor = np.fmax(ROUNDING * np.where(size > 0.0, size, 1.0), known)
+    floor = np.fmax(MIN_RESIDUAL * np.where(size > 0.0, size, 1.0), known)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD
     length = max(round(windows * periods), 2)
-    for _ in range(MOST_TRIALS):
+    for _ in range(MAX_TRIALS):
         if is_exhausted():
             raise NotConvergedError(Code.LIMIT_OF_WORK)
         has_kinks = problem.tables.n_kinks > 0
@@ -195,7 +197,7 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
                 break
             length = max(length // 2, 2)
             continue
-        if truncation < TRUNCATION:
+        if truncation < TRUNCATION_ERROR:
             return ShootingFit(record, guess.free, guess.support, record.starts, noise, noise)
         windows, length = 2 * windows, 2 * length
     raise FloatingPointError("the start diverges, or its time scale is too short")
@@ -274,7 +276,7 @@ def join_segments(
     choosing = 14  # passes that choose terms; if all do, fewer settle (identification_parts.csv)
     whole, settled = False, False
     try:
-        for iteration in range(choosing if has_unseen else MOST_PASSES):
+        for iteration in range(choosing if has_unseen else MAX_PASSES):
             factor = max(price_factor / 2 ** (iteration // 2), 1.0)
             longest = None if whole else chain  # changing chains would never settle
             of_pass = price.scale_by(factor) if iteration < choosing else None
@@ -284,7 +286,7 @@ def join_segments(
                 raise NotConvergedError(Code.NO_TERM)
             was_whole = whole or chain >= count
             # the gap is measured before the step, which leaves about its square, 1e-6 of each state
-            converged = step.decrement < CONVERGED and step.gap < 1e-3 and factor == 1.0
+            converged = step.decrement < DECREMENT_TOLERANCE and step.gap < 1e-3 and factor == 1.0
             settled = unchanged and was_whole and converged
             if settled or is_exhausted():
                 break
@@ -343,7 +345,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     information, right = quadratic.information, quadratic.right
     decrement = float(change @ information @ change)
     # a state may be zero, except for rounding, wherever segments end
-    size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
+    size = np.maximum(abs(linear.ends).max(axis=0), MIN_RESIDUAL * abs(record.states).max(axis=0))
     gap = float(np.max(quadratic.gap / (size + np.finfo(float).tiny)))
     return Step(information, right - information @ change, fit, next_fit, decrement, gap)
 

@@ -33,18 +33,19 @@ from galloping.model.intervals import draw_normal
 
 # Largest total weight, under an `ok`, of plausible supports that lack a selected term. At most one
 # in fifty `ok` models then has a false term (docs/identification_parts.csv).
-MOST_RIVAL_WEIGHT = 0.2
-# Under an `ok`, an undetected absent term may be less than MOST_HIDDEN times as large as its
-# equation if it is simple, otherwise less than MOST_BALANCED times (docs/identification_parts.csv).
-# A term twice as large as its equation is balanced by others, as where all recorded states are near
-# a surface.
-MOST_HIDDEN, MOST_BALANCED = 0.25, 2.0
-# Under an `ok`, a mixture of terms that changes the fit by less than noise may be less than this
-# many times as large as its equations. It was 15 to 45 times in seven wrong `ok` models of a wake,
-# and more than ten times in one of 179 right models (docs/identification_parts.csv).
-MOST_MIXED = 12.0
+MAX_RIVAL_WEIGHT = 0.2
+# Largest undetected simple term of an `ok` model, relative to its equation
+# (docs/identification_parts.csv).
+MAX_HIDDEN_TERM = 0.25
+# Largest undetected other term of an `ok` model, relative to its equation. A term twice as large is
+# balanced by others, as where all recorded states are near a surface.
+MAX_BALANCED_TERM = 2.0
+# Largest mixture of terms that changes the fit of an `ok` model by less than noise, relative to its
+# equations. It was 15 to 45 times as large in seven wrong `ok` models of a wake, and more than ten
+# times in one of 179 right models (docs/identification_parts.csv).
+MAX_MIXTURE = 12.0
 RIVALS = 40  # number of rivals that are drawn and stored with a model
-FOLLOWING_STATUSES = ("ok", "not identifiable")  # of models that follow the data to the noise
+FOLLOWING_STATUSES = ("ok", "not identifiable")  # statuses of models that follow data to the noise
 
 
 @dataclass(frozen=True)
@@ -113,14 +114,14 @@ def assess_fit(
         find_hidden = partial(find_hidden_term, problem, support, regression.largest)
         # `find_unseen_mixture` treats terms that are not simple and that others imitate exactly
         stated_limits = np.where(simple | np.isfinite(limits), limits, 0.0)
-        most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
+        most = np.where(simple, MAX_HIDDEN_TERM, MAX_BALANCED_TERM)
         missing = find_hidden(stated_limits, most, Code.TERM_MAY_BE_MISSING)
         questions = find_open_questions(problem, whitened, posterior)
         mixed = find_unseen_mixture(information, regression.largest)
         findings = [*contradicted, *doubts, *questions, *missing, *mixed]
-        notes = find_hidden(limits, MOST_HIDDEN, Code.TERM_MAY_HIDE)
+        notes = find_hidden(limits, MAX_HIDDEN_TERM, Code.TERM_MAY_HIDE)
         share, rival = _heaviest_rival(problem, plausible)
-        if problem.prior and share > MOST_RIVAL_WEIGHT:
+        if problem.prior and share > MAX_RIVAL_WEIGHT:
             notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
         errors = unconditional_errors(plausible, errors)
         rival_fields = _draw_rivals(problem, regression, posterior)
@@ -254,12 +255,12 @@ def find_open_questions(
     """Find reasons why the selected terms are uncertain, such as models that fit equally well.
 
     The terms are uncertain if the plausible supports that lack any of them have more total weight
-    than MOST_RIVAL_WEIGHT, or if an absent term, or a pair, improves the fit more than noise does,
+    than MAX_RIVAL_WEIGHT, or if an absent term, or a pair, improves the fit more than noise does,
     yet less than selection requires.
     """
     share, rival = _heaviest_rival(problem, plausible)
     questions = []
-    if share > MOST_RIVAL_WEIGHT:
+    if share > MAX_RIVAL_WEIGHT:
         questions.append(Finding.of(Code.RIVAL_TERMS, share=share, **rival))
     tableau = make_tableau(whitened, plausible.supports[0])
     for count in (1, 2):
@@ -291,9 +292,9 @@ def find_unseen_mixture(information: np.ndarray, largest: np.ndarray) -> list[Fi
     as of `mixture_information`, of all candidates.
     """
     known = mixture_information(information, largest)
-    if max(known[0], len(known) * np.finfo(float).eps * known[-1]) * MOST_MIXED**2 > 1.0:
+    if max(known[0], len(known) * np.finfo(float).eps * known[-1]) * MAX_MIXTURE**2 > 1.0:
         return []
-    return [Finding.of(Code.MIXTURE_MAY_HIDE, times=MOST_MIXED)]
+    return [Finding.of(Code.MIXTURE_MAY_HIDE, times=MAX_MIXTURE)]
 
 
 def find_hidden_term(

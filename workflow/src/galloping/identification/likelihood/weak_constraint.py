@@ -21,9 +21,9 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.work import count_work
 
-# Periods in a stretch. Measured: with 3 to 6 periods, jumps absorb a model's error, and amplitudes
-# err by up to three times as much. With 20 periods or more, jumps do not absorb gusts, and dampings
-# err by as much.
+# Length of a stretch, in periods. Measured: with 3 to 6 periods, jumps absorb a model's error, and
+# amplitudes err by up to three times as much. With 20 periods or more, jumps do not absorb gusts,
+# and dampings err by as much.
 STRETCH_PERIODS = 10
 # Number of folds, each of which is left out in turn. Fewer folds give a less accurate covariance,
 # and a larger `small_sample_factor`, which is 1.26 for twelve: with six folds standard errors are
