@@ -9,7 +9,7 @@ from ambient import swing
 from galloping import Recording, forecast, maximum_likelihood, polynomial_library, summarise
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
-from galloping.identification.random_forces.low_pass import REACH, low_pass_recording
+from galloping.identification.random_forces.low_pass import FILTER_HALF_LENGTH, low_pass_recording
 from galloping.identification.random_forces.several_modes import SeveralModes
 
 TIME = np.arange(12_000) / 20
@@ -58,7 +58,7 @@ def test_there_is_nothing_about_gaps_but_short_ones():
     values[2000:2004], values[6000:6100] = np.nan, np.nan
     left = low_pass_recording(Recording(TIME, ("q",), values), 1.0)
     steps, silent = np.diff(left.time), TIME[6100] - TIME[5999]
-    about = silent + 2 * REACH * np.median(steps)
+    about = silent + 2 * FILTER_HALF_LENGTH * np.median(steps)
     assert about < steps.max() < about + 2 * np.median(steps)
     assert np.sum(steps > 1.1 * np.median(steps)) == 1
     with pytest.raises(IdentificationError) as error:

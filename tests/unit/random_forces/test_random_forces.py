@@ -8,7 +8,7 @@ from ambient import DAMPING, FREQUENCIES, STATES, displacements, swing, two_mode
 from scipy.signal import lfilter
 
 from galloping import maximum_likelihood, parse_model
-from galloping.identification.random_forces.start import BINS, estimate_spectra
+from galloping.identification.random_forces.start import MEAN_BINS, estimate_spectra
 from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.model.intervals import decay_interval
 from galloping.model.polynomial import PolynomialModel, polynomial_library
@@ -195,7 +195,7 @@ def test_a_mean_of_bins_is_at_the_frequency_in_their_middle(bin_of_tone: int) ->
     tone = np.cos(2.0 * np.pi * bin_of_tone * np.arange(400) / 400)[:, np.newaxis]
     omega, power = estimate_spectra([tone], 1.0)
     found = 400 * omega[np.argmax(power)] / (2.0 * np.pi)
-    assert abs(found - bin_of_tone) <= (BINS - 1) / 2 + 1e-9
+    assert abs(found - bin_of_tone) <= (MEAN_BINS - 1) / 2 + 1e-9
 
 
 def test_first_states_are_those_of_the_motion_and_forecasts_hold(ambient):

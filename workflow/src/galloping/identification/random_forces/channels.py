@@ -11,9 +11,9 @@ from galloping.identification.preparation.smoothing import sampled_rates, withou
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
-# No sample is missing between two that are at most this many median steps apart. The limit is lower
-# than for other gaps, since a mean rate is the mean over the whole step.
-ADJACENT = 1.5
+# Largest ratio of a step between samples to the median step if no sample is missing. The limit is
+# lower than for other gaps, since a mean rate is the mean over the whole step.
+MAX_STEP_RATIO = 1.5
 MAX_CONDITION = 1e6  # largest condition number of modes' vectors: more similar ones give no system
 
 
@@ -67,7 +67,7 @@ class Channels:
         """
         columns = [recording.values[:, i] for i in self.values]
         steps = np.diff(recording.time, prepend=-np.inf)
-        is_after_gap = self.averaged & (steps > ADJACENT * np.median(steps))
+        is_after_gap = self.averaged & (steps > MAX_STEP_RATIO * np.median(steps))
         for i in self.rates:
             rate = sampled_rates(recording)[:, i]
             if recording.unknown_offsets is not None and recording.unknown_offsets[i]:

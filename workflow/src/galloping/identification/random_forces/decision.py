@@ -28,8 +28,8 @@ from galloping.identification.problem import Problem
 from galloping.identification.random_forces.fitting import ForcedFit
 from galloping.identification.random_forces.model_in_forces import fit_in_forces
 from galloping.identification.random_forces.several_modes import (
-    CLOSE,
-    MOST_EXTRA,
+    CLOSE_RATIOS,
+    MAX_FURTHER_MODES,
     ModeSelection,
     SeveralModes,
     may_have_split_mode,
@@ -40,9 +40,10 @@ from galloping.identification.work import MAX_WORK, limit_work
 from galloping.model.polynomial import has_functions, velocity_pairs
 from galloping.recording.samples import Recording
 
-# Most work, s, of a trial of random forces: with inputs TRIAL_BESIDE_INPUTS, without inputs TRIAL.
-# Recordings that took more mostly had a motion of another kind.
-TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MAX_WORK, 0.4 * MAX_WORK
+# Most work of a trial of random forces beside inputs, s. Recordings that took more mostly had a
+# motion of another kind.
+INPUT_TRIAL_WORK = 0.15 * MAX_WORK
+TRIAL_WORK = 0.4 * MAX_WORK  # most work of a trial of random forces without inputs, s
 
 Outcome = IdentifiedModel | NoModel
 Fit = Callable[[ModeSelection], Outcome]
@@ -118,7 +119,7 @@ def _search_modes(
     if _is_ok(whole):
         return _with_overlapping_modes(whole, several, fit), selected
     if may_be_more:
-        others = chain(several.more(), several.slowest(CLOSE))
+        others = chain(several.more(), several.slowest(CLOSE_RATIOS))
         known = [selected] if selected else []
         selected = _best_model(chain(known, _identify_selections(others, fit_roughly)))
     return selected if _is_ok(selected) else whole, selected
@@ -147,7 +148,7 @@ def _with_split_mode(
 ) -> IdentifiedModel:
     """Replace the model of a selection by one with a mode more, if one of its modes is two."""
     may_split = identified.status == "ok" and may_have_split_mode(identified)
-    if not may_split or selection.n_further == MOST_EXTRA:
+    if not may_split or selection.n_further == MAX_FURTHER_MODES:
         return identified
     split = fit(replace(selection, n_further=selection.n_further + 1))
     return identified if isinstance(split, NoModel) or not splits_mode(split, identified) else split
@@ -226,7 +227,7 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
     accepted that explains most of the motion.
     """
     recordings, period = selection.recordings, selection.period
-    with limit_work(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
+    with limit_work(recordings, INPUT_TRIAL_WORK if problem.inputs else TRIAL_WORK) as work:
 
         def doubts(fit: ForcedFit) -> list[Finding]:
             channels, whiteness = fit.setup.channels, fit.whiteness

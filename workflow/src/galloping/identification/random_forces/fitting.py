@@ -28,18 +28,22 @@ from galloping.model.modes import Modes
 from galloping.passes import passing
 from galloping.recording.samples import inputs_at_times
 
-# Steps of finite differences: FIRST_STEP in the unit of a parameter, later STEP in its standard
-# error. Within the latter the likelihood is nearly quadratic; a thousandth of it is far above
-# rounding.
-FIRST_STEP, STEP = 1e-5, 1e-3
-# The iteration ends if a step promises a smaller rise of the log-likelihood. Such a step has a
+FIRST_STEP = 1e-5  # first step of finite differences, in the unit of a parameter
+# Later step of finite differences, in standard errors of a parameter. Within one standard error the
+# likelihood is nearly quadratic; a thousandth of it is far above rounding.
+STEP = 1e-3
+# Least expected rise of the log-likelihood with which the iteration continues. The step has a
 # squared length below 0.02 in standard deviations, and increases errors by less than a hundredth.
-CONVERGED = 1e-2
-MOST_STEPS, MOST_DAMPED = 40, 12  # most steps of a fit, and most trials of a step, ever shorter
-MIN_EXCESS_NOISE = 0.1  # of a first fitted noise beyond the least noise, relative to the latter
-MIN_INFORMATION = 1e-6  # the data do not determine a parameter with less, in its unit
-FAINTEST = -40.0  # least logarithm of a force's strength, relative to the motion; zero has none
-MIN_STEP_DAMPING = 1e-4  # least damping of steps (K. Levenberg, 1944), relative to the information
+LIKELIHOOD_TOLERANCE = 1e-2
+MAX_STEPS = 40  # most steps of a fit
+MAX_STEP_TRIALS = 12  # most trials of a step, each shorter than the one before
+# Least excess of a first fitted noise over the least noise, relative to the latter.
+MIN_EXCESS_NOISE = 0.1
+MIN_INFORMATION = 1e-6  # least information on a parameter that the data determine, in its unit
+# Least logarithm of a force's strength, relative to the motion. It represents zero.
+MIN_LOG_STRENGTH = -40.0
+# Least damping of steps (K. Levenberg, 1944), relative to the information.
+MIN_STEP_DAMPING = 1e-4
 
 
 def fisher_information(slopes: np.ndarray) -> np.ndarray:
@@ -120,7 +124,7 @@ class Parameters:
         scaled = np.linalg.solve(self.centring, values["coefficients"])
         coefficients[self.support] = scaled * self.setup.unit[self.support]
         root[self.lower] = values["shared"]
-        faintest = FAINTEST + np.log(self.setup.size.max())
+        faintest = MIN_LOG_STRENGTH + np.log(self.setup.size.max())
         root = root * np.exp(np.maximum(values["strengths"], faintest))
         noise = np.hypot(np.exp(values["noise"]), self.setup.least_noise)
         slow, rates = np.exp(np.maximum(values["slow"], faintest)).reshape(2, -1)
@@ -238,12 +242,12 @@ def maximise_likelihood(
         kept[support] = is_determined
         return maximise_likelihood(setup, model, kept, correlated)
     is_exact = True  # whether the slopes are differences at `vector`, not estimates
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         passing("fit random forces")
         information, score = fisher_information(slopes), likelihood_score(slopes, here)
         scale = np.diag(information)
         step = STEP / np.sqrt(scale)
-        for _ in range(MOST_DAMPED if is_exact else 1):
+        for _ in range(MAX_STEP_TRIALS if is_exact else 1):
             change = np.linalg.solve(information + damping * np.diag(scale), score)
             with np.errstate(all="ignore"):  # a step may be too long
                 tried = filter_with(vector + change)
@@ -251,7 +255,7 @@ def maximise_likelihood(
             if is_better:
                 break
             damping *= 8.0
-        has_converged = not is_better or 0.5 * score @ change < CONVERGED
+        has_converged = not is_better or 0.5 * score @ change < LIKELIHOOD_TOLERANCE
         if has_converged and not is_exact:
             slopes, is_exact = _difference_innovations(filter_with, vector, here, step), True
             continue

@@ -18,13 +18,14 @@ from galloping.model.intervals import covariance_root
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording, mean_inputs
 
-# Slowest periods at the end of a recording from which the last state is estimated. Of an earlier
-# oscillation with a damping ratio of 0.01, a fortieth is left.
+# Length of the end of a recording from which the last state is estimated, in slowest periods. Of an
+# earlier oscillation with a damping ratio of 0.01, a fortieth is left.
 END_PERIODS = 60.0
-# POINTS: frequencies of the spectra of a linear model. MOTIONS, SEGMENTS: number of simulated
-# motions, and of segments of each, over which the spectra of a nonlinear model are averaged.
-POINTS, MOTIONS, SEGMENTS = 1500, 8, 6
-MOST_MISFIT = 1.5  # largest mean square of standardised innovations; another line has far more
+SPECTRUM_POINTS = 1500  # number of frequencies of the spectra of a linear model
+MOTIONS = 8  # number of simulated motions over which a nonlinear model's spectra are averaged
+SEGMENTS = 6  # number of segments of each simulated motion
+# Largest mean square of standardised innovations. It is far larger for another line.
+MAX_INNOVATION_SQUARE = 1.5
 
 
 def state_space_model(
@@ -113,11 +114,12 @@ def check_followed(identified: IdentifiedModel, recording: Recording) -> None:
     end = system_model.filter(data)
     square = (end.innovations**2 / end.variances)[2 * len(end.mean) :]
     misfit = float(np.nanmean(square))
-    if not misfit <= MOST_MISFIT:
+    if not misfit <= MAX_INNOVATION_SQUARE:
         raise ValueError(
             f"the model does not follow the recording: from sample to sample it errs by "
             f"{np.sqrt(misfit):.3g} times what its forces and noise explain, where "
-            f"{np.sqrt(MOST_MISFIT):.3g} is allowed: another line, another wind, or another sensor"
+            f"{np.sqrt(MAX_INNOVATION_SQUARE):.3g} is allowed: another line, another wind, or "
+            "another sensor"
         )
 
 
@@ -145,7 +147,7 @@ def model_spectra(
     step = recording.step
     noise = 2.0 * system_model.noise**2 * step
     if system_model.is_linear:
-        frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
+        frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, SPECTRUM_POINTS)
         system, white = system_model.augmented_system
         response = system_model.channels.response(system, 2.0 * np.pi * frequency)
         power = np.einsum("fci,ij,fcj->fc", response, white, response.conj()).real

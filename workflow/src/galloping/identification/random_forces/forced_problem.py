@@ -38,9 +38,11 @@ from galloping.model.polynomial import design_matrix
 from galloping.passes import passing
 from galloping.recording.samples import Recording, inputs_at_times, mean_inputs
 
-SLOW = 0.3  # first decay rate of slow forces, 1/s, over the slowest modal frequency, rad/s
-LEAST_NOISE = 1e-4  # least noise of a sample, relative to its channel: exact samples have rounding
-MIN_STEADINESS = 0.5  # a term's input factor is steady if its |mean| / root mean square is larger
+# First decay rate of slow forces, 1/s, divided by the slowest modal frequency, rad/s.
+SLOW_DECAY_RATIO = 0.3
+# Least noise of a sample, relative to its channel. Exact samples have rounding.
+MIN_RELATIVE_NOISE = 1e-4
+MIN_STEADINESS = 0.5  # least ratio |mean| / root mean square of a term's steady input factor
 
 
 @dataclass(frozen=True)
@@ -258,7 +260,7 @@ def make_forced_problem(
     starts = []
     for system, extra_modes in find_linear_systems(channels, grids, step, period, n_further):
         free = _initial_coefficients(setup, system, factors)
-        rate = SLOW * Modes.of(system).omega.min()
+        rate = SLOW_DECAY_RATIO * Modes.of(system).omega.min()
         for kind, slow in product(kinds, (None, rate)):
             white, driving, noise = estimate_strengths(
                 system, extra_modes, forced, kind.channels, frequencies, power, slow
@@ -299,7 +301,7 @@ def _scaled_problem(
     return ForcedProblem(
         problem, channels, forced, size, unit,
         _linear_candidates(problem, np.abs(means) > MIN_STEADINESS * rms), middle,
-        LEAST_NOISE * deviation, tuple(recordings), mean_inputs(problem.inputs, recordings),
+        MIN_RELATIVE_NOISE * deviation, tuple(recordings), mean_inputs(problem.inputs, recordings),
     )  # fmt: skip
 
 

@@ -19,7 +19,8 @@ from numba import njit
 
 from galloping.model.polynomial import differentiate_terms
 
-SETTLED = 1e-12  # relative change of the states' covariance per sample below which gains are reused
+# Largest relative change of the states' covariance per sample with which gains are reused.
+COVARIANCE_TOLERANCE = 1e-12
 
 
 @njit(cache=True, error_model="numpy")
@@ -118,7 +119,7 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
                     scale = np.sqrt(p[i, i] * p[j, j])
                     change = max(change, abs(p[i, j] - before[i, j]) / max(scale, 1e-300))
             before[:] = p
-            settled = complete and step == last and change < SETTLED
+            settled = complete and step == last and change < COVARIANCE_TOLERANCE
             last = step
     return innovations, variances, means
 

@@ -11,13 +11,16 @@ from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import sampled_rates
 from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Recording
 
-# The edge of the filter is from 1 - ROLL_OFF to 1 + ROLL_OFF times the frequency in its middle. A
-# wider edge separates close modes less; a narrower one needs more samples beside gaps and ends
-# (REACH). With half and twice this width no answer of `make exam` changes.
+# Half width of the filter's edge, relative to the frequency in its middle. A wider edge separates
+# close modes less; a narrower one needs more samples beside gaps and ends (FILTER_HALF_LENGTH).
+# With half and twice this width no answer of `make exam` changes.
 ROLL_OFF = 0.1
-REACH = 16.0  # half length of the filter, in filtered steps; the rest of it is below a hundredth
-BRIDGED = 0.5  # gaps up to this share of such a step are interpolated; the error is as small
-FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # frequencies below this share of `below` are unchanged
+# Half length of the filter, in filtered steps. The filter is below a hundredth outside.
+FILTER_HALF_LENGTH = 16.0
+# Longest gap that is interpolated, in filtered steps. The error is below a hundredth as well.
+MAX_BRIDGED_GAP = 0.5
+# Highest frequency that the filter does not change, relative to `below`.
+PASS_BAND_EDGE = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)
 
 
 def apply_model_filter(identified: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
@@ -58,14 +61,19 @@ def _filtered_step(below: float) -> float:
 def low_pass_recording(recording: Recording, below: float) -> Recording:
     """Low-pass filter a recording at the frequency `below`, Hz, and lower its sampling rate.
 
-    Components below the share FLAT of this frequency are unchanged, and white noise stays white:
-    the filter is a root raised cosine, and the new time step is half a period of the frequency in
-    the middle of its edge (J. G. Proakis and M. Salehi, Digital Communications, 2008, section 9.2).
-    No sample within REACH steps of an end or a gap remains. Raises IdentificationError if nothing
-    remains, the recorded steps are no shorter, or the values are exact.
+    Components below the share PASS_BAND_EDGE of this frequency are unchanged, and white noise stays
+    white: the filter is a root raised cosine, and the new time step is half a period of the
+    frequency in the middle of its edge (J. G. Proakis and M. Salehi, Digital Communications, 2008,
+    section 9.2). No sample within FILTER_HALF_LENGTH steps of an end or a gap remains. Raises
+    IdentificationError if nothing remains, the recorded steps are no shorter, or the values are
+    exact.
     """
     step, recorded_step = _filtered_step(below), recording.step
-    time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
+    time = np.arange(
+        recording.time[0] + FILTER_HALF_LENGTH * step,
+        recording.time[-1] - FILTER_HALF_LENGTH * step,
+        step,
+    )
     channels = recording.values, sampled_rates(recording)
     filtered = np.full((len(time), 2, len(recording.states)), np.nan)
     steps = np.full(filtered.shape[1:], recorded_step)  # s, between samples of each channel
@@ -82,7 +90,7 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
     if is_kept.sum() < 2:
         raise IdentificationError(
             Code.NOTHING_LEFT, below_hz=below, duration_s=np.ptp(recording.time),
-            step_s=recorded_step, least_duration_s=2 * REACH * step, most_step_s=step,
+            step_s=recorded_step, least_duration_s=2 * FILTER_HALF_LENGTH * step, most_step_s=step,
         )  # fmt: skip
     values = filtered[is_kept, 0]
     rates = None if recording.rates is None else filtered[is_kept, 1]
@@ -98,14 +106,14 @@ def _filter_channel(
     grid = np.arange(given_time[0], given_time[-1] + given_step / 2.0, given_step)
     bridged, filtered = np.interp(grid, given_time, values), np.full(len(time), np.nan)
     gaps = np.flatnonzero(
-        np.diff(given_time) > max(MAX_INTERPOLATED_STEPS * given_step, BRIDGED * step)
+        np.diff(given_time) > max(MAX_INTERPOLATED_STEPS * given_step, MAX_BRIDGED_GAP * step)
     )
     begins = np.append(given_time[gaps], given_time[-1])
     ends = np.append(given_time[gaps + 1], np.inf)
-    first, last = time - REACH * step, time + REACH * step
+    first, last = time - FILTER_HALF_LENGTH * step, time + FILTER_HALF_LENGTH * step
     following = np.searchsorted(ends, first, side="right")  # first gap that ends later
     whole = np.flatnonzero((first >= given_time[0]) & (begins[following] >= last))
-    width = int(2.0 * REACH * step / given_step) + 2
+    width = int(2.0 * FILTER_HALF_LENGTH * step / given_step) + 2
     for rows in np.array_split(whole, len(whole) // 256 + 1):  # parts that fit in the cache
         near = np.searchsorted(grid, first[rows])[:, None] + np.arange(width)
         inside = near < np.searchsorted(grid, last[rows])[:, None]

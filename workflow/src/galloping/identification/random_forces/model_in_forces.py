@@ -24,7 +24,7 @@ from galloping.identification.random_forces.fitting import (
     maximise_likelihood,
 )
 from galloping.identification.random_forces.forced_problem import (
-    SLOW,
+    SLOW_DECAY_RATIO,
     ForcedModel,
     ForcedProblem,
     make_forced_problem,
@@ -34,14 +34,16 @@ from galloping.identification.selection import added_deviation, select_support, 
 from galloping.identification.work import is_exhausted
 from galloping.recording.samples import Recording
 
-# Samples in a shortest period that a trial of random forces uses. With more a trial takes longer,
-# with fewer noise hides more. With 8 and with 32 no answer of `make exam` changes.
-TRIED_PER_PERIOD = 16
-COUPLED_RATE = 0.01  # rate at which uncoupled coordinates count as coupled
-STARTS = 3  # starts tried with further modes; from the first alone, one fit in nine ends elsewhere
-FIRST_SHARED = 0.8  # first share of a resonance's force in common with another; a fit finds its own
-MOST_CHOICES = 4  # most choices of further terms, each after a fit of those chosen before
-START_PERIODS = 20.0  # shortest periods of samples from which the first state is estimated
+# Number of samples in a shortest period that a trial of random forces uses. With more a trial takes
+# longer, with fewer noise hides more. With 8 and with 32 no answer of `make exam` changes.
+SAMPLES_PER_PERIOD = 16
+FALSE_COUPLING_RATE = 0.01  # rate at which uncoupled coordinates count as coupled
+# Most starts that are tried with further modes. From the first alone, one fit in nine ends
+# elsewhere.
+MAX_STARTS = 3
+FIRST_FORCE_SHARE = 0.8  # initial guess of the share of its force that a mode has with another
+MAX_CHOICES = 4  # most choices of further terms, each after a fit of those chosen before
+START_PERIODS = 20.0  # length of samples from which a first state is estimated, in shortest periods
 
 
 def fit_in_forces(
@@ -95,7 +97,7 @@ def _fit_some_samples(
     if n_further:
         if not fit.whiteness.is_nearly_white:
             return NoModel((fit.whiteness.to_finding(channels.names),))
-        others = [attempt(_fit_from, setup, start) for start in white[1:STARTS]]
+        others = [attempt(_fit_from, setup, start) for start in white[1:MAX_STARTS]]
         fits = [each for each in (fit, *others) if not isinstance(each, NoModel)]
         fit = max(fits, key=lambda each: each.filtered.log_likelihood)
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
@@ -121,7 +123,7 @@ def _with_shared_forces(setup: ForcedProblem, start: ForcedModel) -> ForcedModel
     for i in range(len(setup.forced), len(start.root)):
         for j in range(i):
             base, size = best, np.linalg.norm(best.root[i])
-            for share in (-FIRST_SHARED, FIRST_SHARED):
+            for share in (-FIRST_FORCE_SHARE, FIRST_FORCE_SHARE):
                 root = base.root.copy()
                 root[i, j] = share * size
                 root[i] *= size / np.linalg.norm(root[i])
@@ -151,7 +153,7 @@ def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
     """Add slow forces to the white ones, if they improve the fit by more than their penalty."""
     setup, slow = white.setup, start.slow
     if not slow or setup.problem.inputs:
-        rate = SLOW * white.modes.omega.min()
+        rate = SLOW_DECAY_RATIO * white.modes.omega.min()
         slow = tuple(rate * np.diag(white.model.root)[: len(setup.forced)])
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
     fit = attempt(maximise_likelihood, setup, start, white.support, correlated=True)
@@ -168,7 +170,7 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
     the start, the least with which a fit begins: with missing terms its estimate may be zero.
     """
     allowed = fit.support | ~fit.setup.required
-    for _ in range(MOST_CHOICES):
+    for _ in range(MAX_CHOICES):
         if is_exhausted():
             break
         refit = attempt(_with_chosen_terms, fit, allowed, noise)
@@ -240,7 +242,7 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
             continue
         rows, is_constant = place[members], problem.degrees[members[0]] == 0
         square = free[members] @ np.linalg.solve(covariance[np.ix_(rows, rows)], free[members])
-        if square < (penalty if is_constant else chdtri(len(members), COUPLED_RATE)):
+        if square < (penalty if is_constant else chdtri(len(members), FALSE_COUPLING_RATE)):
             support[members] = False
     return support
 
@@ -325,6 +327,6 @@ def _thin_recordings(recordings: list[Recording]) -> list[Recording]:
     if Channels.from_recordings(recordings).rates:
         return recordings
     every = max(
-        int(shortest_velocity_period(recordings) / TRIED_PER_PERIOD / typical_step(recordings)), 1
+        int(shortest_velocity_period(recordings) / SAMPLES_PER_PERIOD / typical_step(recordings)), 1
     )
     return [each[::every] for each in recordings]

@@ -16,7 +16,11 @@ from galloping.identification.no_model import attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, low_pass_recordings
+from galloping.identification.random_forces.low_pass import (
+    PASS_BAND_EDGE,
+    ROLL_OFF,
+    low_pass_recordings,
+)
 from galloping.identification.random_forces.start import (
     amplitude_fluctuates,
     estimate_spectra,
@@ -25,28 +29,34 @@ from galloping.identification.random_forces.start import (
 from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
 
-# The filter leaves frequencies up to CUTOFF_LIMITS[0] times that of the last mode it keeps
-# unchanged, and its cut-off is at most CUTOFF_LIMITS[1] times the frequency of the next mode.
-# CUTOFF_SHARES: cut-offs to try between these limits, as shares on a logarithmic scale: far from
-# both or, for broad modes, far from the faster mode.
-CUTOFF_LIMITS, CUTOFF_SHARES = (1.04, 0.93), (0.5, 0.1)
-# A mode is a peak of a spectrum of more than MIN_PEAK times the median of the frequencies within a
-# factor of MEDIAN_FACTOR. Noise in means of four bins has such a peak once in ten million. Peaks
-# within a factor of PEAK_FACTOR count as one mode.
-MIN_PEAK, MEDIAN_FACTOR, PEAK_FACTOR = 6.0, 1.25, 1.1
-MOST_MEDIANS = 2000  # most frequencies of a spectrum at which medians are computed
-# Limits of the next mode's frequency, relative to that of the last one kept. In FAR_APART a filter
-# separates the two; in CLOSE it affects the dampings.
-FAR_APART, CLOSE = (1.6, np.inf), (1.0, 1.6)
-FAR = 3.0  # cut-off if no faster mode is to be removed, relative to the fastest mode's frequency
-MOST_KEPT = 0.5  # a filter that keeps all modes is used if it leaves a smaller share of the samples
-PERIODS = 10  # least periods of a mode in a recording
-MOST_EXTRA = 3  # most modes of a model beside those of its coordinates
-# A mode may be two that overlap if its damping ratio exceeds BROAD and innovations are correlated,
-# or their highest line exceeds LESS_WHITE times what chance allows, as in one of three sound
-# models. It is two if noise would cause the rise of the likelihood, at any frequency, at a rate
-# below SPLIT_RATE.
-BROAD, LESS_WHITE, SPLIT_RATE = 0.02, 0.75, 1e-7
+# Limits of a cut-off: highest frequency that the filter leaves unchanged, relative to the last mode
+# that is kept, and cut-off relative to the next mode.
+CUTOFF_LIMITS = (1.04, 0.93)
+# Cut-offs in order of trial, as shares of the way between these limits on a logarithmic scale: far
+# from both or, for broad modes, far from the faster mode.
+CUTOFF_SHARES = (0.5, 0.1)
+# Least ratio of a mode's peak in a spectrum to the median nearby. Noise in means of four bins has
+# such a peak once in ten million.
+MIN_PEAK_RATIO = 6.0
+MEDIAN_WIDTH = 1.25  # largest ratio of frequencies in this median to that of the peak
+PEAK_WIDTH = 1.1  # largest ratio of the frequencies of peaks that count as one mode
+MAX_MEDIANS = 2000  # most frequencies of a spectrum at which medians are computed
+# Limits of the next mode's frequency that a filter separates, relative to the last mode kept.
+SEPARABLE_RATIOS = (1.6, np.inf)
+CLOSE_RATIOS = (1.0, 1.6)  # limits of the next mode's frequency if a filter affects the dampings
+# Cut-off if no faster mode is to be removed, relative to the fastest mode's frequency.
+OPEN_CUTOFF_RATIO = 3.0
+# Largest share of samples that are left by a filter, if it is used although it keeps all modes.
+MAX_KEPT_SHARE = 0.5
+MIN_MODE_PERIODS = 10  # least periods of a mode in a recording
+MAX_FURTHER_MODES = 3  # most modes of a model beside those of its coordinates
+# Largest damping ratio of a mode that cannot be two that overlap.
+MAX_SINGLE_DAMPING = 0.02
+# Highest line of the innovations of a single mode, relative to what chance allows. One of three
+# sound models has a higher line.
+MAX_SINGLE_LINE = 0.75
+# Rate of false pairs of modes from noise, over all frequencies.
+FALSE_SPLIT_RATE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -70,7 +80,7 @@ class ModeSelection:
         beside = (each.frequency for each in identified.resonances if each.is_mode)
         omega = np.array([*_linear_modes(identified).omega, *beside])
         ratios = omega[:, np.newaxis] / (2.0 * np.pi * np.array(self.modes))
-        return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(PEAK_FACTOR)))
+        return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(PEAK_WIDTH)))
 
     def with_omissions(self, identified: IdentifiedModel) -> IdentifiedModel:
         """Add to a model a finding that names the frequencies removed by the filter.
@@ -114,7 +124,7 @@ class SeveralModes:
         """Measured states and rates of the recordings."""
         return Channels.from_recordings(self.recordings)
 
-    def slowest(self, apart: tuple[float, float] = FAR_APART) -> Iterator[ModeSelection]:
+    def slowest(self, apart: tuple[float, float] = SEPARABLE_RATIOS) -> Iterator[ModeSelection]:
         """Yield recordings filtered to the slowest modes, as many as there are coordinates.
 
         Nothing is yielded if there are no more modes than coordinates. apart: limits of the next
@@ -132,7 +142,7 @@ class SeveralModes:
         if a mode has many samples in a period.
         """
         n, n_modes = len(self.channels.pairs), len(self.modes)
-        more = range(n + 1, min(n + MOST_EXTRA, n_modes + 1) + 1)
+        more = range(n + 1, min(n + MAX_FURTHER_MODES, n_modes + 1) + 1)
         same = [n] if self.channels.rates and n >= n_modes else []
         counts = [*same, *sorted(more, key=lambda k: (k < n_modes, k))]
         return self._selections(counts, (1.0, np.inf))
@@ -158,7 +168,7 @@ class SeveralModes:
         if not amplitude_fluctuates(slow, period):  # such as a limit cycle without harmonics
             return None
         before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
-        if k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before):
+        if k >= len(modes) and not (self.channels.rates or kept < MAX_KEPT_SHARE * before):
             return ModeSelection(recordings, self.period, n_further, own)
         return ModeSelection(slow, period, n_further, own, tuple(modes[k:]), below)
 
@@ -174,8 +184,8 @@ def may_have_split_mode(identified: IdentifiedModel) -> bool:
     names = ("innovations", "innovations_allowed", "innovations_line", "innovations_line_allowed")
     statistic, allowed, line, line_allowed = (float(identified.diagnostics[name]) for name in names)
     beside = (each.damping for each in identified.resonances if each.is_mode)
-    return max(*_linear_modes(identified).damping, *beside) > BROAD and (
-        statistic > 0.5 * (1.0 + allowed) or line > LESS_WHITE * line_allowed
+    return max(*_linear_modes(identified).damping, *beside) > MAX_SINGLE_DAMPING and (
+        statistic > 0.5 * (1.0 + allowed) or line > MAX_SINGLE_LINE * line_allowed
     )
 
 
@@ -188,7 +198,7 @@ def splits_mode(split: IdentifiedModel, identified: IdentifiedModel) -> bool:
         return False
     before, after = (float(one.diagnostics["log_likelihood"]) for one in (identified, split))
     freedom = 3 + len(identified.forces.nonzero()[0]) + len(identified.resonances)
-    return bool(2.0 * (after - before) > chdtri(freedom, SPLIT_RATE))
+    return bool(2.0 * (after - before) > chdtri(freedom, FALSE_SPLIT_RATE))
 
 
 def _filter_edges(
@@ -199,12 +209,12 @@ def _filter_edges(
     apart: limits of the next mode, which is removed, as multiples of the last one.
     """
     if 0 < k < len(modes):
-        least, most = CUTOFF_LIMITS[0] / FLAT * modes[k - 1], CUTOFF_LIMITS[1] * modes[k]
+        least, most = CUTOFF_LIMITS[0] / PASS_BAND_EDGE * modes[k - 1], CUTOFF_LIMITS[1] * modes[k]
         if least <= most and apart[0] < modes[k] / modes[k - 1] <= apart[1]:
             for share in CUTOFF_SHARES:
                 yield float(f"{least ** (1.0 - share) * most**share:.3g}")
     elif modes:
-        yield float(f"{min(FAR * modes[-1], fastest):.3g}")
+        yield float(f"{min(OPEN_CUTOFF_RATIO * modes[-1], fastest):.3g}")
 
 
 def _linear_modes(identified: IdentifiedModel) -> Modes:
@@ -229,17 +239,17 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
         return []
     frequency = omega[:: len(grids)] / (2.0 * np.pi)
     centres = frequency
-    if len(frequency) > MOST_MEDIANS:  # medians at all frequencies would take a minute
-        places = np.geomspace(1, len(frequency), MOST_MEDIANS).astype(int)
+    if len(frequency) > MAX_MEDIANS:  # medians at all frequencies would take a minute
+        places = np.geomspace(1, len(frequency), MAX_MEDIANS).astype(int)
         centres = frequency[np.unique(places) - 1]
-    near = neighbour_slices(frequency, centres, MEDIAN_FACTOR)
+    near = neighbour_slices(frequency, centres, MEDIAN_WIDTH)
     medians = np.array([np.median(power[rows], axis=0) for rows in near])
     level = np.array([np.interp(frequency, centres, column) for column in medians.T]).T
     height = np.max(power / np.maximum(level, np.finfo(float).tiny), axis=1)
-    near = neighbour_slices(frequency, frequency, PEAK_FACTOR)
+    near = neighbour_slices(frequency, frequency, PEAK_WIDTH)
     highest = np.array([height[rows].max() for rows in near])
-    is_resolved = frequency * step * lengths.max() > PERIODS
-    return frequency[is_resolved & (height == highest) & (height > MIN_PEAK)].tolist()
+    is_resolved = frequency * step * lengths.max() > MIN_MODE_PERIODS
+    return frequency[is_resolved & (height == highest) & (height > MIN_PEAK_RATIO)].tolist()
 
 
 def neighbour_slices(frequency: np.ndarray, centres: np.ndarray, factor: float) -> list[slice]:

@@ -25,27 +25,30 @@ from galloping.recording.samples import Recording
 
 # Lengths of the correlations from which modes are found, in shortest periods. Short ones show broad
 # modes, long ones close modes. All are tried, and the likeliest start is used.
-SPANS = (3.0, 8.0, 15.0)
-PER_PERIOD = 8  # lags of correlations in a shortest period; more add no information
-ADDITIONAL = 0, 4  # states that are tried in addition, for slow motion or for other modes
-LEAST_DAMPING = 1e-3  # least damping ratio of a start: a motion that lasts is stable
-BINS = 4  # bins of a spectrum in each mean: a mean of noise has a relative deviation of a half
-# Above the share FLOOR of its frequencies a spectrum is mostly noise. A signal exceeds ABOVE_NOISE
-# times the median there; noise does so in one of 3,700 means of four bins.
-FLOOR, ABOVE_NOISE = 0.75, 4.0
-VELOCITY_SHARE = (
-    0.95  # share of a velocity's power at periods longer than the shortest of the motion
-)
+CORRELATION_PERIODS = (3.0, 8.0, 15.0)
+LAGS_PER_PERIOD = 8  # number of lags in a shortest period; more add no information
+ADDITIONAL_STATES = 0, 4  # numbers of additional states, for slow motion or for other modes
+MIN_START_DAMPING = 1e-3  # least damping ratio of a start: a motion that lasts is stable
+# Number of bins of a spectrum in each mean. A mean of noise has a relative deviation of a half.
+MEAN_BINS = 4
+# Share of a spectrum's frequencies above which it is mostly noise.
+NOISE_BAND_START = 0.75
+# Least ratio of a signal to the median of this noise. Noise exceeds it in one of 3,700 means of
+# four bins.
+MIN_SIGNAL_RATIO = 4.0
+# Share of a velocity's power at periods longer than the shortest of the motion.
+VELOCITY_SHARE = 0.95
 # Least initial strength of a force or a noise, relative to that with which it alone would explain
 # the spectra: several forces may explain the same part of these.
-LEAST_SHARE = 0.1
-# A start follows something slower than the oscillations, such as turbulence, if its period is more
-# than this many times theirs. A smaller value causes searches in vain, a larger one overlooks such
-# oscillations. The value was not calibrated.
-SLOWER = 4.0
-# Noise above this share of the motion hides the misfit of the weak form that random forces cause.
-# Measured: with 0.3, six motions in random forces have misfits of 2.5 to 4.6; with 0.1, 16 to 46.
-NOISY = 0.2
+MIN_START_STRENGTH = 0.1
+# Least ratio of a start's period to that of the oscillations if it follows something slower, such
+# as turbulence. A smaller value causes searches in vain, a larger one overlooks such oscillations.
+# The value was not calibrated.
+MIN_PERIOD_RATIO = 4.0
+# Largest noise, relative to the motion, that does not hide the misfit of the weak form by random
+# forces. Measured: with 0.3, six motions in random forces have misfits of 2.5 to 4.6; with 0.1, 16
+# to 46.
+MAX_NOISE_SHARE = 0.2
 
 
 def place_on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
@@ -164,14 +167,14 @@ def find_linear_systems(
     size = np.nanstd(np.concatenate(grids), axis=0)
     size = np.where(size > 0.0, size, 1.0)
     grids = [grid / size for grid in grids]
-    stride = max(round_down(period / PER_PERIOD / step), 1)
+    stride = max(round_down(period / LAGS_PER_PERIOD / step), 1)
     differences = [grid[stride:] - grid[:-stride] for grid in grids if len(grid) > 2 * stride]
     longest = max(len(grid) for grid in grids) // 3
-    lags = min(int(SPANS[-1] * PER_PERIOD), longest // stride) * stride
+    lags = min(int(CORRELATION_PERIODS[-1] * LAGS_PER_PERIOD), longest // stride) * stride
     for samples, first in ((grids, 1), (differences, 2)):
         correlation = sample_correlations(samples, lags)[0][::stride]
-        for span, additional in product(SPANS, ADDITIONAL):
-            part = correlation[first : first + int(span * PER_PERIOD)]
+        for span, additional in product(CORRELATION_PERIODS, ADDITIONAL_STATES):
+            part = correlation[first : first + int(span * LAGS_PER_PERIOD)]
             try:
                 rates, shapes = modes_from_correlations(part, stride * step, count, additional)
                 start = _start_with_modes(channels, rates, size[:, np.newaxis] * shapes)
@@ -190,7 +193,7 @@ def _start_with_modes(
     coordinate.
     """
     coordinates, velocities = list(channels.pairs), list(channels.pairs.values())
-    damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
+    damping = np.maximum(-rates.real, MIN_START_DAMPING * np.abs(rates))
     rates = 1j * rates.imag - damping
     displacements = np.array([channels.displacement(i, rates, shapes) for i in coordinates])
     coordinate_modes = max(
@@ -213,20 +216,22 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
     """Estimate the power spectra of all channels of each record, averaged over adjacent bins.
 
     Returns frequencies (n,), rad/s, those of all records in ascending order, and two-sided spectra
-    (n, n_channels). BINS bins are averaged.
+    (n, n_channels). MEAN_BINS bins are averaged.
     """
     frequencies, powers = [], []
     for grid in grids:
         known = np.isfinite(grid)
         share = np.maximum(known.mean(axis=0), 1e-3)
         power = np.abs(np.fft.rfft(np.where(known, grid, 0.0), axis=0)[1:]) ** 2
-        groups = len(power) // BINS
+        groups = len(power) // MEAN_BINS
         for c in np.flatnonzero(known.sum(axis=0) > 1):
             stride = np.median(np.diff(np.flatnonzero(known[:, c])))
             power[int(len(grid) / (2.0 * stride)) :, c] = 0.0  # mirror images of what is slower
-        means = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
+        means = power[: groups * MEAN_BINS].reshape(groups, MEAN_BINS, power.shape[1]).mean(axis=1)
         powers.append(means * step / len(grid) / share)
-        middle = np.arange(groups) * BINS + (BINS + 1) / 2  # bin number; bin 0 is the mean
+        middle = (
+            np.arange(groups) * MEAN_BINS + (MEAN_BINS + 1) / 2
+        )  # bin number; bin 0 is the mean
         frequencies.append(2.0 * np.pi * middle / (len(grid) * step))
     omega = np.concatenate(frequencies)
     order = np.argsort(omega, kind="stable")
@@ -235,9 +240,9 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
 
 def above_noise(power: np.ndarray) -> np.ndarray:
     """Set to zero those of ascending spectra, (n, n_channels), that white noise explains."""
-    fast = power[int(FLOOR * len(power)) :]
+    fast = power[int(NOISE_BAND_START * len(power)) :]
     noise = np.array([np.median(own[own > 0.0]) if own.any() else 0.0 for own in fast.T])
-    return np.where(power > ABOVE_NOISE * noise, power, 0.0)
+    return np.where(power > MIN_SIGNAL_RATIO * noise, power, 0.0)
 
 
 def shortest_velocity_period(recordings: Sequence[Recording]) -> float:
@@ -293,15 +298,17 @@ def estimate_strengths(
     scale = np.where(scale > 0.0, scale, 1.0)
     strengths, _ = nnls(design / scale, np.ones(len(design)))
     alone = np.linalg.norm(np.ones(len(design))) / scale
-    strengths = np.maximum(strengths / scale, LEAST_SHARE * alone)
+    strengths = np.maximum(strengths / scale, MIN_START_STRENGTH * alone)
     return strengths[:n_white], strengths[n_white:-many], strengths[-many:]
 
 
-WINDOW = 3  # periods in each part whose size is computed
-# An amplitude fluctuates if its means in thirds of a recording differ by less than a factor of
-# MAX_CHANGE, and its deviation from a polynomial trend of degree TREND exceeds MIN_FLUCTUATION,
-# relative to its mean. For a narrow band of Gaussian noise this deviation is 0.15 to 0.5.
-MAX_CHANGE, MIN_FLUCTUATION, TREND = 5.0, 0.12, 3
+PART_PERIODS = 3  # length of the parts whose size is computed, in periods
+# Largest ratio between the means, in thirds of a recording, of an amplitude that fluctuates.
+MAX_MEAN_RATIO = 5.0
+# Least deviation of a fluctuating amplitude from its trend, relative to its mean. For a narrow band
+# of Gaussian noise this deviation is 0.15 to 0.5.
+MIN_FLUCTUATION = 0.12
+TREND_DEGREE = 3  # degree of the polynomial trend
 
 
 def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool:
@@ -315,15 +322,15 @@ def amplitude_fluctuates(recordings: Sequence[Recording], period: float) -> bool
     for recording, length in zip(recordings, lengths, strict=True):
         if 2.0 * length < max(lengths):
             continue
-        count = max(round_down(length / (WINDOW * period)), 3)
+        count = max(round_down(length / (PART_PERIODS * period)), 3)
         for samples in channels.samples(recording).T:
             parts = np.array_split(samples[np.isfinite(samples)], count)
             if min(map(len, parts)) > 1:
                 sizes = np.array([part.std() for part in parts])
                 thirds = [third.mean() for third in np.array_split(sizes, 3)]
-                lasts = max(thirds) < MAX_CHANGE * min(thirds)
+                lasts = max(thirds) < MAX_MEAN_RATIO * min(thirds)
                 place = np.linspace(-1.0, 1.0, len(sizes))
-                trend = Legendre.fit(place, sizes, min(TREND, len(sizes) - 1))(place)
+                trend = Legendre.fit(place, sizes, min(TREND_DEGREE, len(sizes) - 1))(place)
                 varies = np.std(sizes - trend) > MIN_FLUCTUATION * sizes.mean()
                 fluctuates.append(lasts and varies)
     return bool(fluctuates) and all(fluctuates)
@@ -341,7 +348,7 @@ def is_ambient_candidate(start: Start) -> bool:
     if not amplitude_fluctuates(start.recordings, start.period):
         return False
     noises = ((one.noise, one.states[one.valid].std(axis=0)) for one in start.smoothed)
-    if any(np.any(noise > NOISY * size) for noise, size in noises):
+    if any(np.any(noise > MAX_NOISE_SHARE * size) for noise, size in noises):
         return True
     fastest = attempt(shortest_velocity_period, start.recordings)
-    return not isinstance(fastest, NoModel) and bool(fastest < start.period / SLOWER)
+    return not isinstance(fastest, NoModel) and bool(fastest < start.period / MIN_PERIOD_RATIO)

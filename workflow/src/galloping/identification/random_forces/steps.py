@@ -14,8 +14,10 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.recording.samples import Factor, Input, evaluate_extended
 
-TICKS = 1000  # times are rounded to 1/TICKS of the median step, so that equal steps are one
-MAX_CONDITION = 1e-10  # largest condition number of the eigenvectors, times machine epsilon
+# Number of ticks, to which times are rounded, in a median step. Equal steps then have equal length.
+TICKS_PER_STEP = 1000
+# Largest condition number of the eigenvectors, times machine epsilon.
+MAX_CONDITION_ERROR = 1e-10
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Steps:
     @classmethod
     def from_times(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
         """Compute the time steps between increasing sample times (n,), s."""
-        tick = np.median(np.diff(time)) / TICKS
+        tick = np.median(np.diff(time)) / TICKS_PER_STEP
         counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
         occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
         return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
@@ -85,7 +87,7 @@ def discretise(
     values, vectors = np.linalg.eig(system)
     scaled = vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis]  # in any units of the states
     scaled = scaled / np.linalg.norm(scaled, axis=0)
-    if np.linalg.cond(scaled) * np.finfo(float).eps > MAX_CONDITION:
+    if np.linalg.cond(scaled) * np.finfo(float).eps > MAX_CONDITION_ERROR:
         raise IdentificationError(Code.MODES_ALIKE)
     inverse = np.linalg.inv(vectors)
     moved = np.exp(values * lengths[:, np.newaxis])

@@ -25,18 +25,22 @@ from galloping.model.polynomial import PolynomialModel, exponent_matrix
 from galloping.recording.samples import Recording
 from galloping.trajectory.right_hand_side import Tables, make_tables
 
-# Standard deviation of the first state, relative to the motion: DIFFUSE for a linear system,
-# DIFFUSE_NONLINEAR for a nonlinear one, which is linearised at its expected state. With 1e3 the
-# samples outweigh it by 1e6 in squares, and ten of the sixteen digits of a covariance are left.
-DIFFUSE, DIFFUSE_NONLINEAR = 1e3, 3.0
-# Integration steps of a nonlinear system in its shortest period. With the method of fourth order, a
-# frequency then errs by 2e-4 of itself, and a damping ratio by 6e-5.
-SUBSTEPS = 16
-MOST_SUBSTEPS = 64  # most integration steps between samples: these show nothing of quicker motion
-# Computing times, s. A linear filter takes FILTER, and OF_STATE per sample and state. A substep of
-# an extended filter takes OF_STEP, OF_TERM per exponent of the equations' terms, and OF_SLOPE per
-# candidate and squared number of states.
-FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
+# Standard deviation of the first state of a linear system, relative to the motion. Samples outweigh
+# it by 1e6 in squares, and ten of the sixteen digits of a covariance are left.
+DIFFUSE_DEVIATION = 1e3
+# Standard deviation of the first state of a nonlinear system, which is linearised at its expected
+# state, relative to the motion.
+NONLINEAR_DEVIATION = 3.0
+# Number of integration steps of a nonlinear system in its shortest period. With the method of
+# fourth order, a frequency then errs by 2e-4 of itself, and a damping ratio by 6e-5.
+SUBSTEPS_PER_PERIOD = 16
+# Most integration steps between samples. Samples show nothing of quicker motion.
+MAX_SUBSTEPS = 64
+FILTER_WORK = 3e-4  # work for a linear filter, s
+STATE_WORK = 6e-8  # work for a sample and a state of a linear filter, s
+STEP_WORK = 8e-7  # work for a substep of an extended filter, s
+TERM_WORK = 1.2e-8  # work for an exponent of the equations' terms in a substep, s
+SLOPE_WORK = 4e-9  # work for a candidate and the squared number of states in a substep, s
 
 
 @dataclass(frozen=True)
@@ -190,7 +194,7 @@ class StateSpaceModel:
     def first_covariance(self) -> np.ndarray:
         """Covariance of the states of `augmented_system` before the first sample, (m, m)."""
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
-        within = (DIFFUSE if self.is_linear else DIFFUSE_NONLINEAR) * self.size
+        within = (DIFFUSE_DEVIATION if self.is_linear else NONLINEAR_DEVIATION) * self.size
         p, resonances = len(self.size) + len(self.forces.slow_equations), self.forces.resonances
         decay = np.array([2.0 * each.damping * each.frequency for each in resonances])
         of_rates = np.diag(self.augmented_system[1])[p + len(resonances) :] / (2.0 * decay)
@@ -224,7 +228,7 @@ class StateSpaceModel:
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
         """Compute how many integration substeps time steps of given lengths (n_steps,), s, need."""
         fastest = self.modes.omega.max()
-        return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
+        return np.ceil(lengths * fastest * SUBSTEPS_PER_PERIOD / (2.0 * np.pi)).astype(np.int64)
 
     def filter_extended(
         self, data: SampledChannels, candidates: np.ndarray, terms: Sequence[int] | np.ndarray = ()
@@ -261,9 +265,9 @@ class StateSpaceModel:
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
         counts = self.substeps(steps.lengths)
-        each = OF_STEP + OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
+        each = STEP_WORK + TERM_WORK * exponents.size + SLOPE_WORK * len(candidates) * len(x) ** 2
         seconds = counts[steps.index].sum() * each
-        quick = np.median(counts[steps.index]) > MOST_SUBSTEPS
+        quick = np.median(counts[steps.index]) > MAX_SUBSTEPS
         if quick or seconds > work_limit(len(data.samples)):
             raise IdentificationError(Code.MOTION_TOO_QUICK)
         count_work(seconds)
@@ -308,7 +312,7 @@ class StateSpaceModel:
             sensing = np.eye(m + len(lagged))[[*values, *range(m, m + len(lagged))]]
         p, n = np.pad(self.first_covariance, (0, len(lagged))), len(self.equilibrium)
         x = np.zeros(len(p))
-        count_work(FILTER + OF_STATE * len(data.samples) * len(p))
+        count_work(FILTER_WORK + STATE_WORK * len(data.samples) * len(p))
         innovations, variances, means = kalman_filter(
             data.samples - offsets, data.steps.index, transitions, disturbances, sensing,
             self.noise**2, x, p,

@@ -7,8 +7,8 @@ import numpy as np
 from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.several_modes import (
-    PEAK_FACTOR,
-    PERIODS,
+    MIN_MODE_PERIODS,
+    PEAK_WIDTH,
     find_peaks,
     neighbour_slices,
 )
@@ -19,10 +19,12 @@ from galloping.identification.random_forces.start import (
 )
 from galloping.recording.samples import Recording
 
-MIN_RATIO = 3.5  # least ratio to a coordinate's main frequency: cubic terms cause motion at three
-MIN_SHARE = 0.2  # least share of a velocity's power that the faster peaks have
-LEAKAGE_FACTOR = 2.0  # on the estimated leakage by gaps: some of it is larger by chance
-MAX_NAMED = 3  # most frequencies that are named for a coordinate
+# Least ratio of a frequency to a coordinate's main one. Cubic terms cause motion at a ratio of
+# three.
+MIN_FREQUENCY_RATIO = 3.5
+MIN_POWER_SHARE = 0.2  # least share of a velocity's power that the faster peaks have
+LEAKAGE_FACTOR = 2.0  # factor on the estimated leakage by gaps, which may be larger by chance
+MAX_FREQUENCIES = 3  # most frequencies that are reported for a coordinate
 
 
 def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
@@ -33,7 +35,8 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
     step, grids = place_on_grids(recordings)
     omega, power = estimate_spectra(grids, step)
     power = above_noise(power)
-    slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # rad/s; slower is a drift
+    # rad/s; slower motion is a drift
+    slowest = 2.0 * np.pi * MIN_MODE_PERIODS / (step * max(map(len, grids)))
     for i in channels.pairs:
         if not (derivatives := channels.derivatives(i)):
             continue
@@ -44,12 +47,14 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
             continue
         main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
         leaks = LEAKAGE_FACTOR * _leakage_of_gaps(grids, step, channel, main) * omega**exponent
-        faster = np.where(omega > MIN_RATIO * main, np.maximum(velocity - leaks, 0.0), 0.0)
+        faster = np.where(
+            omega > MIN_FREQUENCY_RATIO * main, np.maximum(velocity - leaks, 0.0), 0.0
+        )
         peaks = 2.0 * np.pi * np.array(find_peaks(step, [grid[:, [channel]] for grid in grids]))
-        near = neighbour_slices(omega, peaks, PEAK_FACTOR)
+        near = neighbour_slices(omega, peaks, PEAK_WIDTH)
         powers = [faster[rows].sum() for rows in near]
-        named = sorted(zip(powers, peaks, strict=True))[-MAX_NAMED:]
-        if sum(peak_power for peak_power, _ in named) < MIN_SHARE * velocity.sum():
+        named = sorted(zip(powers, peaks, strict=True))[-MAX_FREQUENCIES:]
+        if sum(peak_power for peak_power, _ in named) < MIN_POWER_SHARE * velocity.sum():
             continue
         findings += [
             Finding.of(

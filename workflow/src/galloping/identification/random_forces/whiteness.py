@@ -9,29 +9,36 @@ from scipy.special import chdtri, fdtri
 from galloping.identification.observations import Code, Finding, Severity
 from galloping.identification.random_forces.start import sample_correlations
 
-FALSE_ALARM_RATE = 1e-3  # of each test, for sound recordings
-PERIODS, MOST_LAGS = 3.0, 100  # longest tested lag: PERIODS slowest periods, or MOST_LAGS steps
-# BINS bins of a spectrum, as broad as a missing mode, are one group. It is compared with the
-# NEIGHBOURS groups beside it.
-BINS, NEIGHBOURS = 16, 8
-SAMPLES = 32  # most samples in a period of the fastest mode: of more, sums are tested as well
-GROUPS = 16  # groups of equally many values of a quantity on which innovations may depend
-RELEVANT = 0.02  # largest share of the innovations' power that their past predicts in a sound model
-# A line of the spectrum between MODE_BAND[0] times the slowest mode's frequency and MODE_BAND[1]
-# times the fastest one's affects the results on these modes. A line elsewhere counts as another
-# motion only if it is higher than DISTANT_LINE times what chance allows.
-MODE_BAND, DISTANT_LINE = (0.5, 2.0), 2.0
+FALSE_ALARM_RATE = 1e-3  # rate of false alarms of each test, for sound recordings
+MAX_LAG_PERIODS = 3.0  # longest tested lag, in slowest periods
+MAX_LAGS = 100  # longest tested lag, in steps
+BINS_PER_GROUP = 16  # number of bins of a spectrum in a group, which is as broad as a missing mode
+NEIGHBOURS = 8  # number of groups nearby with which a group is compared
+# Most samples in a period of the fastest mode with which only single samples are tested. Of more,
+# sums are tested as well.
+MAX_SAMPLES_PER_PERIOD = 32
+# Number of groups of equally many values of a quantity on which innovations may depend.
+VALUE_GROUPS = 16
+# Largest share of the innovations' power that their past predicts in a sound model.
+SOUND_PREDICTED_SHARE = 0.02
+# Limits of the frequencies of spectral lines that affect the results on modes, relative to the
+# slowest and to the fastest mode.
+MODE_BAND = (0.5, 2.0)
+# Least height of a line elsewhere that counts as another motion, relative to what chance allows.
+DISTANT_LINE_RATIO = 2.0
 
-# Innovations are nearly white, so that random forces are accepted as the cause, if their highest
-# spectral line is below MOST_LINE times what chance allows, and their past predicts less than the
-# share MOST_PREDICTED of their power. Measured: limit cycles of overhead lines, also in gusts,
+# Highest spectral line of nearly white innovations, of which random forces are accepted as the
+# cause, relative to what chance allows. Measured: limit cycles of overhead lines, also in gusts,
 # leave spectral lines 60 to 200 times as high as chance allows.
-MOST_LINE, MOST_PREDICTED = 10.0, 0.05
-PARTLY_PREDICTED = 1.0 / 3.0  # limit of the predicted share if no other model is found
-# Random forces do not cause a single innovation of more than this many standard deviations. Normal
-# ones reach 5 in 1e6 samples; those of gusts and traffic reach more. A clock that is set by 0.7 s
-# in a motion of metres causes 15. With 7 and with 14 no answer of `make exam` changes.
-JUMP = 10.0
+MAX_LINE = 10.0
+# Largest share of the power of nearly white innovations that their past predicts.
+MAX_PREDICTED_SHARE = 0.05
+# Largest share of the innovations' power that their past predicts if no other model is found.
+FALLBACK_SHARE = 1.0 / 3.0
+# Largest innovation that random forces cause, in standard deviations. Normal innovations reach 5 in
+# 1e6 samples; those of gusts and traffic reach more. A clock that is set by 0.7 s in a motion of
+# metres causes 15. With 7 and with 14 no answer of `make exam` changes.
+MAX_INNOVATION = 10.0
 
 
 @dataclass(frozen=True)
@@ -78,12 +85,12 @@ class Whiteness:
     @property
     def shows_line(self) -> bool:
         """Whether the spectrum of the innovations has a higher peak than chance allows."""
-        return self.peak > (1.0 if self.is_near_modes else DISTANT_LINE) * self.peak_allowed
+        return self.peak > (1.0 if self.is_near_modes else DISTANT_LINE_RATIO) * self.peak_allowed
 
     @property
     def has_jump(self) -> bool:
         """Whether a single innovation is larger than random forces and noise allow."""
-        return self.largest > JUMP
+        return self.largest > MAX_INNOVATION
 
     @property
     def has_other_cause(self) -> bool:
@@ -98,19 +105,19 @@ class Whiteness:
     @property
     def is_nearly_white(self) -> bool:
         """Whether the innovations are white enough to exclude causes other than random forces."""
-        is_small = self.peak < MOST_LINE * self.peak_allowed and self.predicted < MOST_PREDICTED
+        is_small = self.peak < MAX_LINE * self.peak_allowed and self.predicted < MAX_PREDICTED_SHARE
         return is_small or not self.is_relevant
 
     @property
     def explains_most(self) -> bool:
         """Whether random forces explain most of the motion, without a clear other cause."""
-        is_small = self.peak < MOST_LINE * self.peak_allowed and self.predicted < PARTLY_PREDICTED
+        is_small = self.peak < MAX_LINE * self.peak_allowed and self.predicted < FALLBACK_SHARE
         return is_small and not self.dependence
 
     @property
     def is_relevant(self) -> bool:
         """Whether the deviations from white noise are large enough to affect the model."""
-        return self.predicted > RELEVANT or self.has_other_cause
+        return self.predicted > SOUND_PREDICTED_SHARE or self.has_other_cause
 
 
 def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
@@ -121,7 +128,7 @@ def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) ->
     sums of several innovations, which are as white, are tested as well.
     """
     tests = _assess_grids(grids, step, modes)
-    many = int(1.0 / (modes.max() * step * SAMPLES))
+    many = int(1.0 / (modes.max() * step * MAX_SAMPLES_PER_PERIOD))
     summed = [grid for grid in grids if len(grid) >= many]
     if many >= 2 and summed:
         sums = _assess_grids([_sum_groups(grid, many) for grid in summed], many * step, modes)
@@ -144,7 +151,7 @@ def _sum_groups(grid: np.ndarray, many: int) -> np.ndarray:
 def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
     """Test all pairs of channels by the statistic of G. Ljung and G. Box (Biometrika 65, 1978)."""
     channels = grids[0].shape[1]
-    lags = int(np.clip(PERIODS / modes.min() / step, 4, MOST_LAGS))
+    lags = int(np.clip(MAX_LAG_PERIODS / modes.min() / step, 4, MAX_LAGS))
     products, counts = (lagged[1:] for lagged in sample_correlations(grids, lags))
     power = np.nanmean(np.concatenate(grids) ** 2, axis=0)
     scale = np.maximum(np.sqrt(np.outer(power, power)), np.finfo(float).tiny)
@@ -156,11 +163,11 @@ def _assess_grids(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Wh
     is_correlated = correlation**2 * counts > chdtri(1, FALSE_ALARM_RATE)
     predicted = float(np.sum(beyond[is_correlated])) / channels
     peak, frequency, channel = _find_peak(grids, step)
-    bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
-    freedom_beside = 2 * BINS * NEIGHBOURS
+    bins = max(sum(len(grid) // 2 // BINS_PER_GROUP for grid in grids) * channels, 1)
+    freedom_beside = 2 * BINS_PER_GROUP * NEIGHBOURS
     return Whiteness(
         statistic, allowed, predicted, frequency, channel, peak,
-        float(fdtri(2 * BINS, freedom_beside, 1.0 - FALSE_ALARM_RATE / bins)),
+        float(fdtri(2 * BINS_PER_GROUP, freedom_beside, 1.0 - FALSE_ALARM_RATE / bins)),
         MODE_BAND[0] * modes.min() < frequency < MODE_BAND[1] * modes.max(),
     )  # fmt: skip
 
@@ -170,16 +177,16 @@ def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
 
     before: (n, m) quantities known before each innovation. Standardised innovations (n, n_channels)
     of a right model are independent of everything known before each. The test is on their means in
-    GROUPS of equally many values. None if innovations depend on no column.
+    VALUE_GROUPS of equally many values. None if innovations depend on no column.
     """
     tests, most, dependence = errors.shape[1] * before.shape[1], 0.0, None
     for k, column in enumerate(before.T):
         for error in errors.T:
             known = np.isfinite(error) & np.isfinite(column)
-            if known.sum() < 10 * GROUPS:
+            if known.sum() < 10 * VALUE_GROUPS:
                 continue
             values, error = column[known], error[known]
-            edges = np.unique(np.quantile(values, np.arange(1, GROUPS) / GROUPS))
+            edges = np.unique(np.quantile(values, np.arange(1, VALUE_GROUPS) / VALUE_GROUPS))
             group = np.searchsorted(edges, values, side="right")
             total, square = (np.bincount(group, error**power) for power in (1, 2))
             used = square > 0.0
@@ -191,19 +198,20 @@ def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
 
 
 def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
-    """Find the largest ratio of BINS of a spectrum to NEIGHBOURS groups nearby, and its place."""
+    """Find the largest ratio of a group of bins to NEIGHBOURS groups nearby, and its place."""
     peak = (0.0, np.nan, 0)
     for grid in grids:
         power = np.abs(np.fft.rfft(np.nan_to_num(grid), axis=0)[1:]) ** 2
-        groups = len(power) // BINS
+        groups = len(power) // BINS_PER_GROUP
         if groups < 12:
             continue
-        means = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
+        means = power[: groups * BINS_PER_GROUP].reshape(groups, BINS_PER_GROUP, -1).mean(axis=1)
         for k in range(groups):
             first = min(max(k - NEIGHBOURS // 2 - 1, 0), groups - NEIGHBOURS - 3)
             near = [j for j in range(first, first + NEIGHBOURS + 3) if abs(j - k) > 1][:NEIGHBOURS]
             ratio = means[k] / np.maximum(means[near].mean(axis=0), np.finfo(float).tiny)
             c = int(np.argmax(ratio))
             if ratio[c] > peak[0]:
-                peak = float(ratio[c]), (k * BINS + (BINS + 1) / 2) / len(grid) / step, c
+                middle = k * BINS_PER_GROUP + (BINS_PER_GROUP + 1) / 2
+                peak = float(ratio[c]), middle / len(grid) / step, c
     return peak
