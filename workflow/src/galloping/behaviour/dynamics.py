@@ -14,7 +14,7 @@ from galloping.cycles.limit_cycles import Orbit, find_cycle_from_motion
 from galloping.cycles.prediction import cycle_intervals, find_nearby_cycles
 from galloping.cycles.settling import Pace, estimate_missing_sizes, settle_in_periods
 from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
-from galloping.identification.free_motion.answer import PATH
+from galloping.identification.free_motion.answer import FREE_MOTION
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_draws
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
@@ -173,7 +173,7 @@ def dynamics(
         return None
     if identified.is_forced:
         return _compute_forced_dynamics(identified, pairs, around)
-    if identified.diagnostics.get("path") == PATH:
+    if identified.diagnostics.get("path") == FREE_MOTION:
         return _compute_free_dynamics(identified, pairs, around)
     models = draw_models_and_rivals(identified, rng)
     small = add_higher_degree_effects(models, identified, rng)

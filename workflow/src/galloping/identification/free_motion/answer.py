@@ -18,7 +18,7 @@ from galloping.identification.free_motion.kinds_of_motion import (
     classify_motion,
     without_further_modes,
 )
-from galloping.identification.free_motion.linearity import SIGNIFICANT
+from galloping.identification.free_motion.linearity import MIN_SIGNIFICANCE
 from galloping.identification.free_motion.rest import MovingRecordings, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
@@ -30,8 +30,8 @@ from galloping.model.polynomial import linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
 MAX_NOISE = 1.2  # largest ratio of the residuals of a linear model to the stated noise
-MIN_PERIODS = 10.0  # periods that a reported further mode exceeds: slower ones are mostly drift
-PATH = "free motion"
+MIN_PERIODS = 10.0  # least periods of a reported further mode: slower modes are mostly drift
+FREE_MOTION = "free motion"  # path of a model in `diagnostics`
 STEP = 1e-3  # step of finite differences, in standard errors
 
 
@@ -75,7 +75,7 @@ def identify_free_motion(
     elif motion.further_modes:
         outcome = search(without_further_modes(motion))
     if isinstance(outcome, IdentifiedModel):
-        return prepend_path([PATH], with_further_modes(outcome, motion))
+        return prepend_path([FREE_MOTION], with_further_modes(outcome, motion))
     if motion.linear_motion:
         return identify_linear_motion(problem, motion.linear_motion)
     return _identify_mean_model(problem, motion, outcome.findings)
@@ -142,12 +142,12 @@ def without_omissions(
     if identified.is_forced:
         return list(recordings)
     moving = moving_recordings(recordings, identified.model.terms)
-    if PATH not in str(identified.diagnostics.get("path", "")):
+    if FREE_MOTION not in str(identified.diagnostics.get("path", "")):
         return moving.recordings
     motion = classify_motion(moving.until_rest)
     if motion is None:
         return moving.recordings
-    if identified.diagnostics["path"] == PATH and not identified.envelope:
+    if identified.diagnostics["path"] == FREE_MOTION and not identified.envelope:
         motion = motion.linear_motion or motion
     return without_further_modes(motion) if identified.further_modes else motion.recordings
 
@@ -239,7 +239,7 @@ def _identified_model(
     for coordinate in motion.channels.pairs:
         value, error = _estimate_equilibrium(motion, coordinate)
         equilibrium[coordinate], equilibrium_errors[coordinate] = value, error
-    is_displaced = np.abs(equilibrium) > SIGNIFICANT * equilibrium_errors
+    is_displaced = np.abs(equilibrium) > MIN_SIGNIFICANCE * equilibrium_errors
     equilibrium = np.where(is_displaced, equilibrium, 0.0)
     constant = (0,) * len(problem.names)
     terms = {problem.linear(state): state for state in range(n)}
@@ -280,7 +280,7 @@ def _identified_model(
         initial_states=_initial_states(motion, equilibrium),
         sigma=sigma,
         chi2=1.0,
-        diagnostics={**noises, "path": PATH},
+        diagnostics={**noises, "path": FREE_MOTION},
     )
     return with_further_modes(identified, motion)
 

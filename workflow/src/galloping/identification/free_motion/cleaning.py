@@ -9,10 +9,12 @@ from galloping.identification.free_motion.damped_modes import DampedModes, Stret
 from galloping.identification.free_motion.mode_search import MANY_MODES, strongest_mode
 from galloping.identification.no_model import NoModel, attempt
 
-OUTLYING = 5.5  # robust deviations of an outlier's residual; noise exceeds them once in 30 million
-MAX_OUTLYING = 0.1  # largest share of a channel's samples that is removed as outliers
-MISFIT = 4.5  # noise deviations; samples beside an event that err by more are under its force
-MIN_PERIODS = 8.0  # least length, in periods, of a stretch whose ends are searched for such samples
+# Least residual of an outlier, in robust standard deviations. Noise exceeds it once in 30 million.
+OUTLIER_THRESHOLD = 5.5
+MAX_OUTLIERS = 0.1  # largest share of a channel's samples that is removed as outliers
+# Largest misfit of a sample beside an event without its force, in standard deviations of noise.
+MAX_SAMPLE_MISFIT = 4.5
+MIN_PERIODS = 8.0  # least length of a stretch whose ends are searched for forces, in periods
 
 
 def remove_unexplained_samples(
@@ -29,10 +31,10 @@ def remove_unexplained_samples(
         for c, column in enumerate(residual.T):
             known = np.isfinite(column)
             if known.any():
-                limit = OUTLYING * 1.4826 * np.median(np.abs(column[known]))
+                limit = OUTLIER_THRESHOLD * 1.4826 * np.median(np.abs(column[known]))
                 far = known & (np.abs(column) > limit)
                 is_isolated = far & ~np.append(far[1:], False) & ~np.append(False, far[:-1])
-                bad[:, c] = is_isolated & (np.count_nonzero(is_isolated) <= MAX_OUTLYING * len(far))
+                bad[:, c] = is_isolated & (np.count_nonzero(is_isolated) <= MAX_OUTLIERS * len(far))
         bad |= _under_force(stretch, modes.poles)[:, np.newaxis]
         has_changed |= bool(bad.any())
         cleaned.append(replace(stretch, values=np.where(bad, np.nan, stretch.values)))
@@ -55,7 +57,7 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     residual, noise = residual[:, is_fitted], modes.noise[0][is_fitted]
     with np.errstate(invalid="ignore"):
         distance = np.abs(residual - np.nanmedian(residual[inside], axis=0))
-        is_far = np.any(distance > MISFIT * noise, axis=1)
+        is_far = np.any(distance > MAX_SAMPLE_MISFIT * noise, axis=1)
     early, late = stretch.time <= period, stretch.time >= stretch.duration - period
     if (rows := np.flatnonzero(is_far & early)).size:
         forced[: rows[-1] + 1] = True

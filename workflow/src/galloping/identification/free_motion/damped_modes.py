@@ -18,12 +18,14 @@ from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 
-# MAX_STEPS: most Gauss-Newton steps. MAX_STEPS_AFTER_MEANS: most on samples, after a fit to means.
-MAX_STEPS, MAX_STEPS_AFTER_MEANS = 30, 4
-MIN_SAMPLES = 8  # least samples of a channel in a stretch, besides one for each fit parameter
-CONVERGED = 1e-3  # a fit has converged if no pole moves by more, in standard errors
-ROUNDING = 1e-10  # least noise relative to the motion; least share of information that counts
-# Means of samples in a shortest period, for a first fit. They hold 0.6 % less information.
+MAX_STEPS = 30  # most Gauss-Newton steps
+MAX_FINAL_STEPS = 4  # most Gauss-Newton steps on samples after a fit to their means
+# Least samples of a channel in a stretch, in addition to one for each parameter of a fit.
+MIN_CHANNEL_SAMPLES = 8
+POLE_TOLERANCE = 1e-3  # largest last step of a pole in a converged fit, in standard errors
+# Relative rounding error: least noise relative to the motion, and least share of information.
+ROUNDING_ERROR = 1e-10
+# Number of means of samples in a shortest period, for a first fit. Means lack 0.6 % of information.
 MEANS_PER_PERIOD = 24
 
 
@@ -171,10 +173,10 @@ def fit_poles(
     if means:
         rough = attempt(_iterate, means, poles, free, MAX_STEPS)
         if not isinstance(rough, NoModel):
-            poles, max_steps = rough.modes.poles, MAX_STEPS_AFTER_MEANS
+            poles, max_steps = rough.modes.poles, MAX_FINAL_STEPS
     final = _iterate(stretches, poles, free, max_steps)
     scaled, scale = final.scale_information(free)
-    if not np.linalg.cond(scaled) < 1.0 / ROUNDING:
+    if not np.linalg.cond(scaled) < 1.0 / ROUNDING_ERROR:
         raise IdentificationError(Code.NO_OSCILLATION)
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = np.linalg.inv(scaled) / np.outer(scale, scale)
@@ -222,7 +224,7 @@ def _iterate(
         misfit = current.modes.misfit
         if trial is not None and trial.modes.misfit <= misfit + 1e-9 * abs(misfit):
             current, damping = trial, damping / 10.0
-            if np.max(np.abs(step[free]) * scale) < CONVERGED:
+            if np.max(np.abs(step[free]) * scale) < POLE_TOLERANCE:
                 break
         elif damping > 1e6:
             break
@@ -250,7 +252,7 @@ class _NormalEquations:
         Returns the result and the square roots of the diagonal, (n_free,). Raises
         IdentificationError if there is no information.
         """
-        if not np.all(self.shares[free] > ROUNDING):
+        if not np.all(self.shares[free] > ROUNDING_ERROR):
             raise IdentificationError(Code.NO_OSCILLATION)
         information = self.information[np.ix_(free, free)]
         scale = np.sqrt(np.diag(information))
@@ -273,7 +275,7 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
         for c, degree in enumerate(stretch.drift_degrees):
             known = np.isfinite(stretch.values[:, c])
             count = np.count_nonzero(known)
-            if count < MIN_SAMPLES + 2 * n + degree or stretch.sizes[c] == 0.0:
+            if count < MIN_CHANNEL_SAMPLES + 2 * n + degree or stretch.sizes[c] == 0.0:
                 continue
             values = np.where(known, stretch.values[:, c], 0.0)
             of_channel = columns if known.all() else np.where(known[:, np.newaxis], columns, 0.0)
@@ -288,7 +290,7 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
             solved = inverse @ crossed[basis]
             fitted = of_channel[:, basis] @ solved
             remainder = np.where(known, values - fitted, 0.0)
-            least = ROUNDING * stretch.sizes[c] + np.finfo(float).tiny
+            least = ROUNDING_ERROR * stretch.sizes[c] + np.finfo(float).tiny
             variance = max(remainder @ remainder / (count - len(solved)), least**2)
             a = solved[:n] - 1j * solved[n : 2 * n]
             slopes = _pole_slopes(a, origin, stretch.duration, columns.shape[1])

@@ -15,10 +15,10 @@ from galloping.identification.oscillations import EnvelopePart
 
 MAX_PARTS = 12  # most parts of a stretch
 MIN_PERIODS = 2.0  # least length of a part, in periods
-MIN_SAMPLES = 24  # least number of samples in a part
-MIN_CHANGE = 1.5  # least factor by which an amplitude falls, or rises, over each stretch
-MAX_RISE = 0.05  # largest change against the trend of a log amplitude from window to window
-MIN_SIGNAL = 2.0  # parts begin and end where the amplitude exceeds the noise by this factor
+MIN_PART_SAMPLES = 24  # least number of samples in a part
+MIN_CHANGE = 1.5  # least factor by which an amplitude changes over a stretch
+MAX_RISE = 0.05  # largest change of a log amplitude against its trend, from window to window
+MIN_SIGNAL = 2.0  # least ratio of amplitude to noise at both ends of a part
 
 
 def fit_envelope(
@@ -48,7 +48,7 @@ def fit_envelope(
     parts = []
     for first, last in pairwise(edges):
         inside = (time >= first) & (time <= last)
-        if np.count_nonzero(inside) < MIN_SAMPLES:
+        if np.count_nonzero(inside) < MIN_PART_SAMPLES:
             continue
         interval = Stretch(time[inside] - first, values[inside, np.newaxis], (0,))
         fit = attempt(fit_poles, [interval], np.array([pole]))

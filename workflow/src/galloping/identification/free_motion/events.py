@@ -12,15 +12,15 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
-from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, fit_modes
+from galloping.identification.free_motion.mode_search import FALSE_MODE_RATE, fit_modes
 from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, attempt
 
 MAX_EVENTS = 10  # most events in all stretches
-MIN_EXPLAINED = 0.25  # least share of the misfit's excess over `floor` that each event explains
+MIN_EXPLAINED_SHARE = 0.25  # least share of the misfit above `floor` that each event explains
 MIN_PERIODS = 3.0  # least time between two events, in periods of the slowest mode
-MIN_SAMPLES = 24  # least number of samples between two events
-MAX_TRIED = 2000  # most times of a stretch at which an event is first tried
-RIDGE = 1e-12  # added to the unit diagonal of normal equations so that they can be solved
+MIN_EVENT_SAMPLES = 24  # least number of samples between two events
+MAX_TRIAL_TIMES = 2000  # largest number of times of an event in the first search of a stretch
+RIDGE = 1e-12  # term added to the unit diagonal of normal equations, so that they can be solved
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def find_events(
         before = modes.misfit
         try:
             modes = fit_poles(parts, modes.poles)
-            if before - modes.misfit < MIN_EXPLAINED * (before - floor):
+            if before - modes.misfit < MIN_EXPLAINED_SHARE * (before - floor):
                 return None
             whole, is_noise = fit_modes(parts)
         except NO_MODEL_ERRORS:
@@ -86,7 +86,7 @@ def _remove_spurious_events(
             continue
         count = sum(np.count_nonzero(np.isfinite(part.values)) for part in parts)
         freedom = (2 * len(fit.poles) + 2) * parts[0].values.shape[1]
-        if fit.misfit - motion.modes.misfit < chdtri(freedom, FALSE_ALARM_RATE / count):
+        if fit.misfit - motion.modes.misfit < chdtri(freedom, FALSE_MODE_RATE / count):
             motion = MotionBetweenEvents(parts, origins, fit)
     return motion
 
@@ -109,7 +109,7 @@ def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> tuple[
             continue
         gains, freedom = _event_gains(stretch, modes, index, tried)
         place = int(np.argmax(gains))
-        allowed = chdtri(freedom, FALSE_ALARM_RATE / len(stretch.time))
+        allowed = chdtri(freedom, FALSE_MODE_RATE / len(stretch.time))
         if gains[place] > max(allowed, most):
             near = np.arange(tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)] + 1)
             finer, _ = _event_gains(stretch, modes, index, near)
@@ -121,10 +121,10 @@ def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     """Find samples before which a stretch may change, each side long enough for a fit."""
     least = MIN_PERIODS * 2.0 * np.pi / poles.imag.min()
     first, last = np.searchsorted(stretch.time, (stretch.time[0] + least, stretch.time[-1] - least))
-    first, last = max(first, MIN_SAMPLES), min(last, len(stretch.time) - MIN_SAMPLES)
+    first, last = max(first, MIN_EVENT_SAMPLES), min(last, len(stretch.time) - MIN_EVENT_SAMPLES)
     if last <= first:
         return np.empty(0, int)
-    return np.unique(np.linspace(first, last, min(MAX_TRIED, last - first)).astype(int))
+    return np.unique(np.linspace(first, last, min(MAX_TRIAL_TIMES, last - first)).astype(int))
 
 
 def _event_gains(

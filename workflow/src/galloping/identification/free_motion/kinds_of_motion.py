@@ -33,8 +33,8 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
-MAX_UNEXPLAINED = 0.4  # largest share of a channel's power that modes leave to events
-WINDOWS = 24  # a running amplitude is over 1/WINDOWS of a stretch, but at least over a period
+MAX_EVENT_SHARE = 0.4  # largest share of a channel's power that events explain beyond modes
+WINDOWS = 24  # number of windows of a running amplitude in a stretch; each lasts a period or more
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def _find_linear_events(
     """
     main = fit_poles(stretches, modes.poles[:1])
     for start in (modes, main) if len(modes.poles) > 1 else (modes,):
-        if unexplained_power_share(stretches, start) > MAX_UNEXPLAINED:
+        if unexplained_power_share(stretches, start) > MAX_EVENT_SHARE:
             continue
         if (events := find_events(stretches, start, floor)) is not None:
             order = linearity.resolved_modes(events.stretches, events.modes, is_noise=True)
@@ -162,7 +162,7 @@ def _classify_modes(
         poles = np.where(is_steady, 1j * modes.poles.imag, modes.poles)
         modes = fit_poles(stretches, poles, is_steady)
     if is_linear:
-        if abs(modes.poles[own[0]].real) < linearity.SIGNIFICANT * modes.growth_errors[own[0]]:
+        if abs(modes.poles[own[0]].real) < linearity.MIN_SIGNIFICANCE * modes.growth_errors[own[0]]:
             return None
         pairs = zip(recordings, stretches, strict=True)
         recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
@@ -268,7 +268,7 @@ def _describe_event(
     offset = modes.offsets[k] - modes.offsets[k - 1]
     error = np.hypot(modes.offset_errors[k], modes.offset_errors[k - 1])
     with np.errstate(invalid="ignore"):
-        stepped = np.flatnonzero(np.abs(offset) > linearity.SIGNIFICANT * error)
+        stepped = np.flatnonzero(np.abs(offset) > linearity.MIN_SIGNIFICANCE * error)
     if stepped.size:
         c = int(stepped[np.argmax(np.abs(offset[stepped]) / error[stepped])])
         change = float(offset[c])

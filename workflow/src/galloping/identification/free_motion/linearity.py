@@ -11,22 +11,23 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
-from galloping.identification.free_motion.mode_search import FALSE_ALARM_RATE, is_close, is_part_of
+from galloping.identification.free_motion.mode_search import FALSE_MODE_RATE, is_close, is_part_of
 
-# An oscillation is steady if it lasts more than MIN_STEADY_PERIODS periods, and its log amplitude
-# changes by less than MAX_STEADY_CHANGE over them. A damping of 0.02 % of critical exceeds this.
-MAX_STEADY_CHANGE, MIN_STEADY_PERIODS = 0.02, 20.0
-# A force causes a steady oscillation and a decaying one of the same frequency if the latter begins
-# with more than this share of the steady amplitude. A limit cycle is approached by a decay as well,
-# but from so far inside it the decay is not exponential. From outside it may be; it then has phase
-# and frequency of the steady oscillation.
+# Largest change of the log amplitude of a steady oscillation over its length. A damping of 0.02 %
+# of critical causes a larger change.
+MAX_STEADY_CHANGE = 0.02
+MIN_STEADY_PERIODS = 20.0  # least length of a steady oscillation, in periods
+# Least initial amplitude of a decay that shows a force, relative to the steady oscillation of the
+# same frequency. A limit cycle is approached by a decay as well. From so far inside the cycle the
+# decay is not exponential; from outside it has the phase and frequency of the steady oscillation.
 MIN_TRANSIENT = 0.5
-HARMONIC = 2  # harmonic that quadratic stiffness causes; cubic terms show at the main frequency
-MAX_HARMONIC = 5  # highest harmonic that is sought in a limit cycle
-MAX_SEPARATE_DAMPING = (
-    0.1  # largest damping ratio and error of a mode separate from non-exponential motion
-)
-SIGNIFICANT = 4.0  # standard errors that a significant value or difference exceeds
+# Harmonic that quadratic stiffness causes. Cubic terms affect the main frequency.
+HARMONIC = 2
+MAX_HARMONIC = 5  # highest harmonic of a limit cycle that is searched for
+# Largest damping ratio of a mode that is separate from non-exponential motion, and largest error
+# of this ratio.
+MAX_SEPARATE_DAMPING = 0.1
+MIN_SIGNIFICANCE = 4.0  # least significant value or difference, in standard errors
 
 
 def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:
@@ -73,7 +74,7 @@ def _is_transient(
 
 def _has_same_frequency(modes: DampedModes, k: int, j: int) -> bool:
     error = np.linalg.norm(modes.frequency_errors[[k, j]])
-    return bool(abs(modes.poles[k].imag - modes.poles[j].imag) < SIGNIFICANT * error)
+    return bool(abs(modes.poles[k].imag - modes.poles[j].imag) < MIN_SIGNIFICANCE * error)
 
 
 def has_linear_modes(
@@ -121,7 +122,7 @@ def has_changing_force(
         sizes = np.abs([each[k] for each in modes.amplitudes])
         covariances = (modes.amplitude_covariance(s, n, [k]) for n, s in enumerate(stretches))
         variances = np.array([np.diag(each)[2:].reshape(2, -1).sum(axis=0) for each in covariances])
-        limits = SIGNIFICANT * np.sqrt(variances[1:] + variances[:-1])
+        limits = MIN_SIGNIFICANCE * np.sqrt(variances[1:] + variances[:-1])
         is_same = np.diff(origins) == 0
         if np.any(np.abs(np.diff(sizes, axis=0))[is_same] > limits[is_same]):
             return True
@@ -145,15 +146,15 @@ def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
 def _has_opposite_growth(modes: DampedModes, own: Sequence[int]) -> bool:
     """Decide whether one of two modes of similar frequency grows and the other decays."""
     main = modes.poles[own[0]]
-    opposed = modes.poles.real * np.sign(main.real) < -SIGNIFICANT * modes.growth_errors
+    opposed = modes.poles.real * np.sign(main.real) < -MIN_SIGNIFICANCE * modes.growth_errors
     return bool(np.any((opposed & is_close(modes.poles, main))[own]))
 
 
 def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
     """Decide whether frequency and growth of a mode are a given multiple of those of another."""
     off = modes.poles[k] - times * modes.poles[main]
-    allowed_growth = SIGNIFICANT * modes.growth_errors[k] + 0.2 * abs(modes.poles[main].real)
-    allowed = SIGNIFICANT * modes.frequency_errors[k]
+    allowed_growth = MIN_SIGNIFICANCE * modes.growth_errors[k] + 0.2 * abs(modes.poles[main].real)
+    allowed = MIN_SIGNIFICANCE * modes.frequency_errors[k]
     return abs(off.real) <= allowed_growth and abs(off.imag) <= allowed
 
 
@@ -185,7 +186,7 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
                 if np.abs(np.diag(triangle)).min() < 1e-6 * np.linalg.norm(wave):
                     continue
                 gains[n] += np.sum((basis.T @ residuals) ** 2) / modes.noise[index, c] ** 2
-    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains)))
+    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_MODE_RATE / len(gains)))
 
 
 def refit_main_oscillation(
@@ -218,7 +219,7 @@ def _is_separate(modes: DampedModes, k: int, main: int) -> bool:
     """Decide whether a mode is separate from a main motion that is not exponential."""
     pole = modes.poles[k]
     opposed = np.sign(pole.real) != np.sign(modes.poles[main].real)
-    may_be_steady = abs(pole.real) < SIGNIFICANT * modes.growth_errors[k]
+    may_be_steady = abs(pole.real) < MIN_SIGNIFICANCE * modes.growth_errors[k]
     is_light = max(modes.growth_errors[k], abs(pole.real)) < MAX_SEPARATE_DAMPING * abs(pole)
     motion = modes.poles[[main, *np.flatnonzero(is_close(modes.poles, modes.poles[main]))]]
     is_other = not is_part_of(modes.poles[[k]], motion)[0]

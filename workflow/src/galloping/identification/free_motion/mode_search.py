@@ -11,8 +11,8 @@ import numpy as np
 from scipy.special import gammainccinv
 
 from galloping.identification.free_motion.damped_modes import (
-    MIN_SAMPLES,
-    ROUNDING,
+    MIN_CHANNEL_SAMPLES,
+    ROUNDING_ERROR,
     DampedModes,
     Stretch,
     fit_poles,
@@ -23,25 +23,31 @@ from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 
 MAX_MODES = 8  # most sinusoids of a motion
-# If more than MAX_CLOSE sinusoids, the first included, are within a share CLOSE of the frequency of
-# the first, they are not modes, but parts of a motion that is not exponential.
-MAX_CLOSE, CLOSE = 2, 0.3
-# Motion is not free if MANY_MODES sinusoids, or more than MAX_CLOSE close ones, leave more than the
-# share MAX_LEFT of the power of a channel.
-MAX_LEFT, MANY_MODES = 0.2, 4
-# A harmonic differs from a multiple of the first frequency by at most HARMONIC[0], plus HARMONIC[1]
-# times the spread of the close sinusoids' frequencies, both relative to that multiple.
-HARMONIC = 0.003, 1.5
-FALSE_ALARM_RATE = 1e-3  # rate of false modes in noise, over all frequencies and decays of a search
-WINDOW_RATIO = 2  # ratio of successive windows' decay rates; a mode between keeps 97 % of its power
-MAX_DECAYS = 16  # a window ends after this many decays by a factor e: only rounding is left
+# Most sinusoids close to the first one, including it. More of them are not modes, but parts of a
+# motion that is not exponential.
+MAX_CLOSE_MODES = 2
+CLOSE_DISTANCE = 0.3  # largest distance of close frequencies, relative to the first one
+# Largest share of a channel's power that MANY_MODES sinusoids, or more than MAX_CLOSE_MODES close
+# ones, do not explain in a free motion.
+MAX_UNEXPLAINED_SHARE = 0.2
+MANY_MODES = 4  # number of sinusoids from which the unexplained power is limited
+# Largest distance of a harmonic from a multiple of the first frequency, relative to this multiple.
+HARMONIC_DISTANCE = 0.003
+HARMONIC_SPREAD = 1.5  # addition to this distance, in relative spreads of the close frequencies
+# Rate of false modes in noise, over all frequencies and decays of a search.
+FALSE_MODE_RATE = 1e-3
+# Ratio of decay rates of successive windows. A mode between two keeps 97 % of its power.
+WINDOW_RATIO = 2
+MAX_DECAYS = 16  # longest window, in decays by a factor e: only rounding is left at its end
 MIN_PERIODS = 2.0  # least periods of a mode in the longest stretch: slower motion is a drift
 MAX_FREQUENCY = 0.98  # highest frequency of a mode, relative to half the sampling rate
-# The noise level of a periodogram is from medians of NOISE_BINS bins. At low frequencies, where
-# drifts are steep, it is from medians of SLOW_BINS bins.
-NOISE_BINS, SLOW_BINS = 129, 17
-POWER_WORK, LEVEL_WORK = 1.3e-8, 3e-8  # s of work for a bin of a periodogram and of its noise level
-COLOURED = 1.6  # ratio to white noise from which noise is coloured; by chance once in 1,000
+NOISE_BINS = 129  # number of bins whose median is the noise level of a periodogram
+DRIFT_BINS = 17  # number of these bins at low frequencies, where drifts are steep
+POWER_WORK = 1.3e-8  # work for a bin of a periodogram, s
+LEVEL_WORK = 3e-8  # work for the noise level of a bin, s
+# Least ratio of coloured noise to white noise, or white to coloured. White noise reaches it once
+# in 1,000 cases.
+COLOUR_RATIO = 1.6
 
 
 def strongest_mode(
@@ -58,7 +64,7 @@ def strongest_mode(
     residuals away from the modes; by default the noise counts as white. excluded: (n,) complex
     poles of a motion that is not exponential, of which the mode must not be a part. band: limits of
     the frequency, rad/s. Returns a first guess of the pole; None if no power of the matched filter,
-    summed over channels and stretches, exceeds a threshold that noise exceeds at FALSE_ALARM_RATE.
+    summed over channels and stretches, exceeds a threshold that noise exceeds at FALSE_MODE_RATE.
     """
     step = min(one.step for one in stretches)
     longest = max(one.duration for one in stretches)
@@ -73,9 +79,9 @@ def strongest_mode(
         place = np.round(stretch.time / step).astype(int)
         for column, motion in zip(residual.T, stretch.sizes, strict=True):
             known = np.isfinite(column)
-            if np.count_nonzero(known) < MIN_SAMPLES:
+            if np.count_nonzero(known) < MIN_CHANNEL_SAMPLES:
                 continue
-            if np.mean(column[known] ** 2) <= (ROUNDING * motion) ** 2:
+            if np.mean(column[known] ** 2) <= (ROUNDING_ERROR * motion) ** 2:
                 continue
             time = stretch.time[known] / longest
             series.append(_windowed_powers(time, column[known], place[known], size, parts))
@@ -89,7 +95,7 @@ def strongest_mode(
         return None
     windows = np.concatenate([[0.0], faster, -faster]) / longest
     looks = len(windows) * longest / step / 2.0
-    allowed = float(gammainccinv(len(series), FALSE_ALARM_RATE / looks))
+    allowed = float(gammainccinv(len(series), FALSE_MODE_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
     is_searched = (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
     if excluded is not None:
@@ -159,7 +165,9 @@ def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) 
     """Find frequencies, (n,), rad/s, near modes, where residuals of these remain."""
     near = np.zeros(len(omega), bool)
     for k, pole in enumerate(() if poles is None else poles):
-        width = max(5.0 * abs(pole.real), 3.0 * resolution, CLOSE * pole.imag if k == 0 else 0.0)
+        width = max(
+            5.0 * abs(pole.real), 3.0 * resolution, CLOSE_DISTANCE * pole.imag if k == 0 else 0.0
+        )
         near |= np.abs(omega - pole.imag) < width
     return near
 
@@ -181,7 +189,7 @@ def noise_level(
     selected = power[kept]
     white = np.median(selected) / np.log(2.0)
     places, levels, begin = [], [], 0
-    slow = [(SLOW_BINS, NOISE_BINS * oversampled)] if has_drifts else []
+    slow = [(DRIFT_BINS, NOISE_BINS * oversampled)] if has_drifts else []
     for bins, until in (*slow, (NOISE_BINS, len(power))):
         width = max(int(bins * oversampled), 1)
         count = (int(np.searchsorted(kept, until)) - begin) // width
@@ -201,9 +209,9 @@ def fit_modes(
 ) -> tuple[DampedModes | None, bool]:
     """Fit damped sinusoids to free motion, adding the strongest until only noise remains.
 
-    may_continue: whether to search for modes elsewhere if more than MAX_CLOSE are close to the
-    first one. Returns the modes, None if nothing oscillates or the motion is clearly not free; and
-    whether the residuals are noise.
+    may_continue: whether to search for modes elsewhere if more than MAX_CLOSE_MODES are close to
+    the first one. Returns the modes, None if nothing oscillates or the motion is clearly not free;
+    and whether the residuals are noise.
     """
     modes: DampedModes | None = None
     residuals, excluded = [without_means(one.values) for one in stretches], None
@@ -220,9 +228,9 @@ def fit_modes(
         except (IdentificationError, np.linalg.LinAlgError):
             break
         residuals = modes.residuals
-        is_spread = np.count_nonzero(is_close(modes.poles, modes.poles[0])) > MAX_CLOSE
+        is_spread = np.count_nonzero(is_close(modes.poles, modes.poles[0])) > MAX_CLOSE_MODES
         is_doubtful = is_spread or count + 1 >= MANY_MODES
-        if is_doubtful and unexplained_power_share(stretches, modes) > MAX_LEFT:
+        if is_doubtful and unexplained_power_share(stretches, modes) > MAX_UNEXPLAINED_SHARE:
             return None, False
         if is_spread:
             excluded = modes.poles
@@ -245,7 +253,7 @@ def is_close(poles: np.ndarray, pole: complex) -> np.ndarray:
 
     poles: (n,). Returns (n,) boolean.
     """
-    return np.abs(poles.imag / pole.imag - 1.0) < CLOSE
+    return np.abs(poles.imag / pole.imag - 1.0) < CLOSE_DISTANCE
 
 
 def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
@@ -258,7 +266,7 @@ def is_part_of(poles: np.ndarray, motion: np.ndarray) -> np.ndarray:
     spread = np.abs(motion[is_close(motion, main)].imag / main.imag - 1.0).max()
     ratio = poles.imag / main.imag
     times = np.maximum(np.round(ratio), 1.0)
-    within = np.where(times > 1.0, HARMONIC[0] + HARMONIC[1] * spread, CLOSE)
+    within = np.where(times > 1.0, HARMONIC_DISTANCE + HARMONIC_SPREAD * spread, CLOSE_DISTANCE)
     return np.abs(ratio / times - 1.0) < within
 
 
@@ -282,6 +290,6 @@ def _with_local_noise(stretches: Sequence[Stretch], modes: DampedModes) -> Dampe
             ratios += weight * level[bins.astype(int)]
             weights += weight
     ratios = ratios / np.maximum(weights, np.finfo(float).tiny)
-    ratios = np.where((ratios > COLOURED) | (ratios < 1.0 / COLOURED), ratios, 1.0)
+    ratios = np.where((ratios > COLOUR_RATIO) | (ratios < 1.0 / COLOUR_RATIO), ratios, 1.0)
     scale = np.tile(np.sqrt(ratios), 2)
     return replace(modes, covariance=modes.covariance * np.outer(scale, scale))

@@ -21,25 +21,26 @@ from galloping.model.functions import Function
 from galloping.model.polynomial import Exponents, velocity_pairs
 from galloping.recording.samples import Recording
 
-# A stretch is at rest if it varies by at most this share of the motion that follows. Motion that
-# grows at 3 % of critical damping is 0.8 times as large one period before.
+# Largest variation of a stretch at rest, relative to the motion that follows. Motion that grows at
+# 3 % of critical damping is 0.8 times as large one period before.
 MAX_REST = 0.2
-MAX_OSCILLATING_REST = 0.05  # the same share for a stretch that oscillates itself
+MAX_OSCILLATING_REST = 0.05  # largest variation of a stretch at rest that oscillates, relative
 MIN_WINDOW = 8  # least samples of a window in which the size of a motion is computed
-WINDOWS = (1.0, 0.25)  # lengths, in periods, of windows that are compared before and after release
-MIN_PAUSE = 2.0  # least periods of a rest between two motions
-MIN_MOTION = 1.5  # periods after a release in which the motion does not pause
-MIN_PERIODS = 1.5  # least periods of a stretch of motion
-DEPARTURE = 5.0  # motion begins at this many standard deviations of the rest
-# The size of the first period of motion is extrapolated from the two periods after it, with a decay
-# by a factor of MAX_FALL a period at most. Samples above SPIKE times this size show the
-# acceleration of a blow itself.
-SPIKE, MAX_FALL = 1.25, 3.0
-MIN_TAIL = 2.0  # least periods of a rest at the end
-TAILS = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of a possible rest at the end that are tried in turn
-TINY = np.finfo(float).tiny
-MIN_STEPS = 5.0  # a range of at most this many steps of a sensor's resolution shows no motion
-MAX_ROUGHNESS = 1.0  # largest ratio of mean squared differences to variance; white noise has 2
+WINDOW_PERIODS = (1.0, 0.25)  # lengths of the windows before and after a release, in periods
+MIN_PAUSE = 2.0  # least length of a rest between two motions, in periods
+MIN_MOTION = 1.5  # least length of motion without a pause after a release, in periods
+MIN_PERIODS = 1.5  # least length of a stretch of motion, in periods
+MIN_DEPARTURE = 5.0  # distance from rest at which motion begins, in standard deviations of rest
+# Least ratio of samples that show the acceleration of an impact to the expected size of the first
+# period of motion, which is extrapolated from the two periods after it.
+SPIKE_RATIO = 1.25
+MAX_PERIOD_DECAY = 3.0  # largest factor of decay in a period for this extrapolation
+MIN_TAIL = 2.0  # least length of a rest at the end, in periods
+TAIL_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of a possible rest at the end, in order of trial
+MIN_FLOAT = np.finfo(float).tiny  # least positive divisor
+MIN_RESOLUTION_STEPS = 5.0  # least range of a moving sensor, in steps of its resolution
+# Largest ratio of mean squared differences of a smooth motion to its variance. White noise has 2.
+MAX_ROUGHNESS = 1.0
 
 
 @dataclass(frozen=True)
@@ -202,7 +203,7 @@ def _dominant_period(columns: np.ndarray) -> float:
     power = np.zeros(columns.shape[1] // 2)
     for column in columns:
         spectrum = np.abs(np.fft.rfft(np.diff(column)))[: len(power)] ** 2
-        power += spectrum / max(spectrum.sum(), TINY)
+        power += spectrum / max(spectrum.sum(), MIN_FLOAT)
     if len(power) <= 2 or not power[2:].any():
         return np.inf
     return columns.shape[1] / (2.0 + np.argmax(power[2:]))
@@ -231,7 +232,7 @@ def _find_onsets(
 ) -> list[tuple[int, int]]:
     """Find pairs of the first samples of a motion and of the rest before it."""
     onsets: list[tuple[int, int]] = []
-    for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOWS})[::-1]:
+    for length in sorted({max(int(share * period), MIN_WINDOW) for share in WINDOW_PERIODS})[::-1]:
         deviation, is_smooth = _window_deviations(columns, length)
         span = int(MIN_MOTION * period)
         if deviation.shape[1] <= length + span:
@@ -255,7 +256,7 @@ def _find_onsets(
             if rested_from and last - still_from < MIN_PAUSE * period:
                 continue  # a node of beats
             rest = slice(rested_from, last + max(length // 2, 4))
-            level = deviation[:, last] / np.maximum(following[:, last], TINY)
+            level = deviation[:, last] / np.maximum(following[:, last], MIN_FLOAT)
             if np.all(level[starts[:, last]] > MAX_OSCILLATING_REST) and not _is_still(
                 columns[:, rest]
             ):
@@ -270,7 +271,7 @@ def _find_departure(columns: np.ndarray, rest: slice, length: int) -> int:
     """Find the first sample out of a rest, whose end may be up to `length` samples later."""
     still = columns[:, rest]
     middle = still.mean(axis=1, keepdims=True)
-    least = np.maximum(DEPARTURE * still.std(axis=1), 1.5 * np.abs(still - middle).max(axis=1))
+    least = np.maximum(MIN_DEPARTURE * still.std(axis=1), 1.5 * np.abs(still - middle).max(axis=1))
     away = np.abs(columns - middle)[:, rest.stop : rest.stop + 2 * length]
     out = np.any(away > least[:, np.newaxis], axis=0)
     return rest.stop + int(np.argmax(out)) if out.any() else rest.stop + length // 2
@@ -290,8 +291,8 @@ def _spike_length(columns: np.ndarray, period: float) -> int:
     middle = columns[:, length : 4 * length].mean(axis=1, keepdims=True)
     away = np.abs(columns - middle)
     later = [away[:, n * length : (n + 1) * length].max(axis=1, keepdims=True) for n in (1, 2)]
-    expected = later[0] * np.clip(later[0] / np.maximum(later[1], TINY), 1.0, MAX_FALL)
-    high = np.flatnonzero(np.any(away[:, :length] > SPIKE * expected, axis=0))
+    expected = later[0] * np.clip(later[0] / np.maximum(later[1], MIN_FLOAT), 1.0, MAX_PERIOD_DECAY)
+    high = np.flatnonzero(np.any(away[:, :length] > SPIKE_RATIO * expected, axis=0))
     return min(2 * (int(high[-1]) + 1), length) if len(high) else 0
 
 
@@ -312,12 +313,12 @@ def _without_tail(
     moves = np.flatnonzero(np.any(deviation > 1.5 * last, axis=0))
     still_from = int(moves[-1]) + length // 4 if len(moves) else samples.shape[1]
     possible = samples.shape[1] - still_from
-    for share in TAILS:
+    for share in TAIL_SHARES:
         tail = int(share * possible)
         if tail < MIN_TAIL * length:
             break
         resolved = samples[
-            np.ptp(samples[:, -tail:], axis=1) > MIN_STEPS * resolution[:, 0], -tail:
+            np.ptp(samples[:, -tail:], axis=1) > MIN_RESOLUTION_STEPS * resolution[:, 0], -tail:
         ]
         if _is_still(resolved):
             rows = slice(begin, stop - tail)

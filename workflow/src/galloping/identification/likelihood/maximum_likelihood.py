@@ -21,7 +21,7 @@ from galloping.identification.answers import (
     refused_model,
 )
 from galloping.identification.free_motion.answer import (
-    PATH,
+    FREE_MOTION,
     find_free_motion,
     identify_free_motion,
     identify_linear_motion,
@@ -278,7 +278,7 @@ def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bo
         alone = attempt(make_start, start.problem, without_further_modes(motion))
         outcome = alone if isinstance(alone, NoModel) else _search_exact(alone, objections)[0]
         if isinstance(outcome, IdentifiedModel):
-            return prepend_path([PATH], with_further_modes(outcome, motion)), True
+            return prepend_path([FREE_MOTION], with_further_modes(outcome, motion)), True
     if motion.is_linear:
         outcome = identify_linear_motion(start.problem, motion)
         if isinstance(outcome, IdentifiedModel):
