@@ -13,10 +13,11 @@ from galloping.trajectory.right_hand_side import System
 from galloping.trajectory.taylor import ORDER, Samples, integrate
 
 # Number of windows in a shortest period. They are so short that projections contain all information
-# of the samples. TRUNCATION_ERROR: error of Taylor series of `taylor.ORDER` over a window, relative
-# to each state. It is below the noise of any sensor.
+# of the samples.
 WINDOWS_PER_PERIOD = 12
 PROJECTIONS = 3  # number of projections to which the samples of a window are reduced
+# Error of Taylor series of `taylor.ORDER` over a window, relative to each state. It is below the
+# noise of any sensor.
 TRUNCATION_ERROR = 1e-7
 
 
