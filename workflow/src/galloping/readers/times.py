@@ -141,8 +141,8 @@ def _check_rate(table: FileTable, rate: float) -> None:
         step = float(np.median(steps))
         if min(abs(step * rate - 1.0), abs(steps.mean() * rate - 1.0)) > MAX_RATE_ERROR:
             raise FileError(
-                f"{table.label(name)} has a sample every {step:.4g} s, and the rate is {rate:g} Hz; "
-                "leave out the rate, or the column"
+                f"{table.label(name)} has a sample every {step:.4g} s, and the rate is {rate:g} "
+                "Hz; leave out the rate, or the column"
             )
 
 
