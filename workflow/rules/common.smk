@@ -9,7 +9,7 @@ from galloping.report import data_dictionary
 from galloping.reproducibility.receipts import RECEIPTS, receipt_path
 from galloping.study import shown
 from galloping.study.cells import Study, drop_swept_parameters
-from galloping.results import OURS_FAMILY
+from galloping.results import MAIN_FAMILY
 from galloping.configuration.kinds import PAPER
 
 try:
@@ -182,7 +182,7 @@ def reference_files(*names):
 def models_of_a_line(wildcards):
     """Identified models that give the uncertainty of an assessment, if the study has them."""
     cell = shown.assessed_cell(STUDY, wildcards.case)
-    return [f"<results>/identified/{cell.id}/{OURS_FAMILY}.json"] if cell else []
+    return [f"<results>/identified/{cell.id}/{MAIN_FAMILY}.json"] if cell else []
 
 
 def recorded(wildcards):

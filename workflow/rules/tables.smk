@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 from galloping.configuration.kinds import EXACT_TERMS, EXAM, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
 from galloping.deferred import evaluation, report as pages, tables  # the jobs import them
-from galloping.results import OURS
+from galloping.results import MAIN_METHOD
 
 SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
@@ -188,7 +188,7 @@ if LINES:
         "limit_cycle_ahead": made(
             tables.limit_cycle_ahead.limit_cycles_ahead,
             {
-                "method": OURS,
+                "method": MAIN_METHOD,
                 "seed": SEED,
                 "steady_window": WINDOW,
                 "is_continuous": first_case.is_continuous,
@@ -196,7 +196,7 @@ if LINES:
             },
             model=MODEL,
             trajectory=TRAJECTORY,
-            identified=every(f"<results>/identified/{{cell}}/{OURS_FAMILY}.json", cell=ahead),
+            identified=every(f"<results>/identified/{{cell}}/{MAIN_FAMILY}.json", cell=ahead),
         ),
         "reduction": made(
             evaluation.reduction.reduction_table,

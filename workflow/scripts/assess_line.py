@@ -12,7 +12,7 @@ from galloping.cycles.settling import settle
 from galloping.line.galerkin import STATES
 from galloping.line.measures import MEASURE_KINDS, typical_measures
 from galloping.reproducibility.job import run
-from galloping.results import OURS
+from galloping.results import MAIN_METHOD
 from galloping.storage import write_rows
 from galloping.streams import make_generator
 from galloping.study.files import read_families, write_orbits
@@ -33,7 +33,7 @@ def assess_line(
     write_orbits(orbits, {wind: places(states) for wind, states in cycles.items()})
     parts = derive_parts(line)
     draws = np.zeros((0, len(parts.values)))
-    for model in read_families(identified).get(OURS, [])[:1]:  # of the first replicate
+    for model in read_families(identified).get(MAIN_METHOD, [])[:1]:  # of the first replicate
         if not len(model.covariance):
             continue
         with suppress(ValueError, np.linalg.LinAlgError):  # a model that determines no stiffness

@@ -12,19 +12,19 @@ from galloping.model.polynomial import PolynomialModel
 
 # kinds of study cells; prefixes of their names
 NOISE = "noise"  # a whole record
-SUBSET = "points"  # random samples of it
+SUBSET = "points"  # random samples of a record
 JOINT = "joint"  # all recordings of a case together
 
-BOUND = "bound"  # the Cramer-Rao bound, where methods are named
-# setup and method that agree with the paper's printed numbers: see `galloping.paper`
+BOUND = "bound"  # the Cramer-Rao bound, used like the name of a method
+# setup and method that agree best with the paper's printed numbers: see `galloping.paper`
 PAPER_PROTOCOL, PAPER_METHOD = "derivative", "paper"
-IDENTIFIED, KNOWN = "identified", "known"  # kinematic equations, by the paper's method
-OURS = "maximum_likelihood"  # the method that figures compare with the paper's
-OURS_FAMILY = "likelihood"
+IDENTIFIED, KNOWN = "identified", "known"  # kinematic equations in the paper's method
+MAIN_METHOD = "maximum_likelihood"  # method that figures compare with the paper's method
+MAIN_FAMILY = "likelihood"  # family of the main method
 
 
-DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}  # among the states
-ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}  # of terms
+DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}  # columns of the displacements in the states
+ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}  # degrees of terms
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,8 @@ def read(path: str | Path) -> dict:
 def refuse_endless(content: object) -> None:
     """Raise ConfigurationError if lists and dicts are nested without end or hold too much.
 
-    At most MAX_LEVELS levels and MAX_VALUES values are allowed. With YAML's anchors a short file
-    can contain itself, or a list of 10^9 items.
+    At most MAX_LEVELS levels and MAX_VALUES values are allowed. With YAML's anchors
+    a short file can contain itself, or a list of 10^9 items.
     """
     level, values, depth = [content], 0, 0
     while level:

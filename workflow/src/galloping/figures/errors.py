@@ -13,7 +13,7 @@ from galloping.figures import parts
 from galloping.figures.style import PAPER, QUIET, SERIES, SHADE, SINGLE, method_style, spoken
 from galloping.paper.claims import CLAIMS, Claim
 from galloping.recording.measurement import PROTOCOLS_BY_NAME
-from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD
+from galloping.results import BOUND, NOISE, MAIN_METHOD, PAPER_METHOD
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
 
 DECADES = (1e-2, 1e2)  # percent: limits of an axis without errors
@@ -214,7 +214,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])
     prefixes = {PAPER_METHOD: "", best_of_pysindy(errors) or "": "best of pysindy: ",
-            ORACLES: "pysindy, ", OURS: "ours: ", BOUND: ""}  # fmt: skip
+            ORACLES: "pysindy, ", MAIN_METHOD: "ours: ", BOUND: ""}  # fmt: skip
     present = set(errors["method"])
     names = {k: text + method_style(k).label for k, text in prefixes.items() if k in present}
     shown = errors[errors["method"].isin(names)]
@@ -283,9 +283,11 @@ def beaten_at(table: pd.DataFrame) -> str:
     Returned is a text, '' if there is no such level.
     """
     medians = table.pivot_table(index="level", columns="method", values="median")
-    if not {ORACLES, OURS} <= set(medians):
+    if not {ORACLES, MAIN_METHOD} <= set(medians):
         return ""
-    return ", ".join(f"{level:g}" for level in medians.index[medians[ORACLES] < medians[OURS]])
+    return ", ".join(
+        f"{level:g}" for level in medians.index[medians[ORACLES] < medians[MAIN_METHOD]]
+    )
 
 
 def _tabulate_errors(

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from galloping.configuration.kinds import GAMMAS
 from galloping.figures import parts
 from galloping.figures.style import MODEL, QUIET, SERIES, SHADE, method_style, spoken
-from galloping.results import OURS
+from galloping.results import MAIN_METHOD
 from galloping.tables.trial_summaries import METHODS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")
@@ -40,7 +40,7 @@ ERRORS = {
 }
 LIMITS = (3e-3, 300.0)  # percent
 DOUBTFUL = 30.0  # percent: larger errors are shaded
-WITHOUT_OURS = f"these trials are without {method_style(OURS).label}"
+WITHOUT_OURS = f"these trials are without {method_style(MAIN_METHOD).label}"
 HEIGHT = 0.62  # of a row, shared by the methods
 
 
@@ -93,7 +93,7 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
     There is a panel for each system and length. table: published_terms.csv, of which the rows of
     our method are drawn.
     """
-    table, style = table[table["method"] == OURS], method_style(OURS)
+    table, style = table[table["method"] == MAIN_METHOD], method_style(MAIN_METHOD)
     if table.empty:
         return parts.make_empty_figure(WITHOUT_OURS)
     exact = "share_exact_support"
@@ -128,7 +128,7 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
 
     table: published_intervals.csv, of which the rows of our method are drawn.
     """
-    table = table[table["method"] == OURS]
+    table = table[table["method"] == MAIN_METHOD]
     if table.empty:
         return parts.make_empty_figure(WITHOUT_OURS)
     found = "share_with_term"
@@ -171,7 +171,7 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
         key=lambda line: (order(line[0]), line[1]),
     )
     count = Counter(truth for truth, _ in lines)
-    methods = sorted(table["method"].unique(), key=lambda method: method != OURS)
+    methods = sorted(table["method"].unique(), key=lambda method: method != MAIN_METHOD)
     figure, grid = parts.panels(1.3 + 0.8 * len(lines), 2, 3, sharey=True)
     *panels, answers = grid.ravel()
     step = HEIGHT / max(len(methods) - 1, 1)

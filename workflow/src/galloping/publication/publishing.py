@@ -160,8 +160,8 @@ class NotPublishable(ValueError):
 def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
     """Write the folder and archive that publish a study's results, and return the archive's path.
 
-    The folder is in the results folder. allowed: obstacles (of `ALLOWABLE`) that are recorded in
-    the archive instead of refused. The same study, commit and environment give the same bytes.
+    The folder is in the results folder. allowed: obstacles (of `ALLOWABLE`) that are recorded
+    in the archive instead of refused. The same study, commit and environment give the same bytes.
     Raises NotPublishable.
     """
     results = Path(plan.results)

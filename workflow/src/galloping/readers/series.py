@@ -269,9 +269,9 @@ def check_no_shared_rows(series: Sequence[Series]) -> None:
 def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Find samples, (n,) boolean of each column, at which a sensor is stuck.
 
-    They repeat the one before, in a run STUCK_RATIO times as long as nearly all others, unless the
-    sensor rests. It rests together with the other columns, or from the first sample on, or it slows
-    down before and speeds up after. A column with a single value is not stuck.
+    They repeat the one before, in a run STUCK_RATIO times as long as nearly all others, unless
+    the sensor rests. It rests together with the other columns, or from the first sample on, or it
+    slows down before and speeds up after. A column with a single value is not stuck.
     """
     held = [_find_held(values) for values in columns]
     all_rest = np.all(held, axis=0) & (len(held) > 1)

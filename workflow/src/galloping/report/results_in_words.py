@@ -9,7 +9,7 @@ import pandas as pd
 
 from galloping.paper.unknowns import LABELS
 from galloping.recording.measurement import DEVIATION_UNIT
-from galloping.results import BOUND, OURS, PAPER_METHOD
+from galloping.results import BOUND, MAIN_METHOD, PAPER_METHOD
 from galloping.tables.scores import CHOSEN
 
 NONE: Mapping[str, str] = MappingProxyType({})
@@ -104,7 +104,7 @@ def _describe_noise(level: float, unit: str) -> str:
 def _select_single_recordings(efficiency: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
     """Select the rows of our method that have one recording in each noise realisation."""
     own = (efficiency["case"] == case) & (efficiency["protocol"] == protocol)
-    return efficiency[own & (efficiency["method"] == OURS) & (efficiency["recordings"] == 1)]
+    return efficiency[own & (efficiency["method"] == MAIN_METHOD) & (efficiency["recordings"] == 1)]
 
 
 def _describe_accuracy(
@@ -119,15 +119,15 @@ def _describe_accuracy(
     at = (peers["case"] == case) & (peers["protocol"] == protocol)
     at &= (peers["level"] == row["level"]) & (peers["setting"] == CHOSEN)
     medians = peers[at].set_index("method")["mean_error_percent"].dropna()
-    if OURS not in medians:  # a continuous line has no true coefficients
+    if MAIN_METHOD not in medians:  # a continuous line has no true coefficients
         return ""
     text = (
         f"From {protocol} measurements of {_case_in_words(case)} with "
         f"{_describe_noise(row['level'], noise_unit)}, maximum likelihood finds exactly the true "
         f"terms in {row['exact_support']:g} of {row['replicates']:g} recordings, with a mean "
-        f"coefficient error of {medians[OURS]:.2g} %"
+        f"coefficient error of {medians[MAIN_METHOD]:.2g} %"
     )
-    others = medians.drop([OURS, BOUND, "weak_gls"], errors="ignore")
+    others = medians.drop([MAIN_METHOD, BOUND, "weak_gls"], errors="ignore")
     if len(others):
         best = others.idxmin()
         text += f", against {others[best]:.2g} % by {labels.get(best, best)}"
@@ -186,9 +186,9 @@ def _select_level(table: pd.DataFrame) -> pd.DataFrame:
 def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
     rows = r2[(r2["case"] == case) & (r2["protocol"] == protocol) & (r2["level"] > 0)]
     worst = rows.groupby(["method", "level"])["r2_median"].min().unstack("level")
-    if OURS not in worst.index:
+    if MAIN_METHOD not in worst.index:
         return ""
-    own = worst.loc[OURS]
+    own = worst.loc[MAIN_METHOD]
     own = own[np.isfinite(own).cummin()]  # up to the first level where most fits have no model
     if own.empty:
         return ""

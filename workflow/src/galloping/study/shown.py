@@ -11,7 +11,15 @@ from galloping.configuration.settings import CaseSection, Settings, paper_cases
 from galloping.fields import show
 from galloping.identification.registry import Method
 from galloping.recording.measurement import ALL_STATES, DERIVATIVES, Protocol
-from galloping.results import JOINT, NOISE, OURS, OURS_FAMILY, PAPER_METHOD, PAPER_PROTOCOL, SUBSET
+from galloping.results import (
+    JOINT,
+    MAIN_FAMILY,
+    MAIN_METHOD,
+    NOISE,
+    PAPER_METHOD,
+    PAPER_PROTOCOL,
+    SUBSET,
+)
 from galloping.study.cells import Case, Cell, Study
 
 Pair = tuple[Protocol, Method]
@@ -112,7 +120,7 @@ def compared_fits(study: Study) -> list[tuple[Cell, Method]]:
     of_paper = paper_pair(study)
     least = least_noise(study, first)
     fits = {(least.id, of_paper[1].name): (least, of_paper[1])}
-    ours = [(sensor_protocol(study), m) for m in study.methods if m.name == OURS]
+    ours = [(sensor_protocol(study), m) for m in study.methods if m.name == MAIN_METHOD]
     for pair in (of_paper, *ours):
         cells = _cells_of_pair(study, first, pair, NOISE)
         fits |= {(c.id, pair[1].name): (c, pair[1]) for c in cells if c.level == level}
@@ -164,8 +172,8 @@ def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
 
 def predicting_methods(cell: Cell) -> list[str]:
     """List maximum likelihood, and the first method of the cell that is of another family."""
-    others = [method.name for method in cell.methods if method.family != OURS_FAMILY]
-    return [OURS, *others[:1]]
+    others = [method.name for method in cell.methods if method.family != MAIN_FAMILY]
+    return [MAIN_METHOD, *others[:1]]
 
 
 def families_of(cell: Cell) -> list[str]:
@@ -186,13 +194,13 @@ def oracle_cells(study: Study) -> list[Cell]:
         for cell in study.cells
         if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == ALL_STATES
         and not cell.case.is_continuous
-        and any(method.family != OURS_FAMILY for method in cell.methods)
+        and any(method.family != MAIN_FAMILY for method in cell.methods)
     ]  # fmt: skip
 
 
 def _cells_of_our_method(study: Study, case: Case) -> list[Cell]:
     """List the cells of a case that our method can use."""
-    used = (cell for cell in study.cells if OURS in [method.name for method in cell.methods])
+    used = (cell for cell in study.cells if MAIN_METHOD in [method.name for method in cell.methods])
     return [cell for cell in used if cell.case == case]
 
 

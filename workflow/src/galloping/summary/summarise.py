@@ -453,8 +453,8 @@ def score_motion(
     """Compute R2 of a model's simulated motion against the samples of each recorded channel.
 
     identified: a model without random forces. recordings: each is cut into equal stretches of about
-    PERIODS periods, in each of which the model starts from the state that follows the samples best.
-    Returns (n_channels,) of the channels that are measured. A stretch in which the model diverges
+    PERIODS periods, in each of which the model starts from the state that follows the samples
+    best. Returns (n_channels,) of the measured channels. A stretch in which the model diverges
     counts as if the mean of its recording were the motion. Raises ValueError if random forces move
     the model.
     """

@@ -103,8 +103,8 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
     They are the settings of the first reading, with their noise realisations. Columns: the
     unknowns; stage `tried` or `draw`; weight_all by all that is printed, and weight_NAME by all but
-    one of `agreement.GROUPS`, each sums to 1 over the settings; for draws the value of each claim,
-    with the weight of its setting shared among its draws.
+    one of `agreement.GROUPS`, each sums to 1 over the settings; for draws the value of each
+    claim, with the weight of its setting shared among its draws.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     rows = rows[(rows["reading"] == FIRST_READING.name) & rows["stage"].isin(("tried", "draw"))]
@@ -204,8 +204,8 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Test, for each pair of values in the reproduced paper, if one simulation can match both.
 
     parts: rows of `trials.paper_inference`, of which the draws of all readings count, each a study
-    of one draw. A draw has a number within a factor NEAR; `steady` and `attack angle` are
-    conditions on the motion.
+    of one draw. A draw has a number within a factor NEAR; `steady` and `attack
+    angle` are conditions on the motion.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     drawn = rows[rows["stage"] == "draw"]

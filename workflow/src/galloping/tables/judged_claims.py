@@ -157,7 +157,8 @@ def _measure_motion(motion: Motion, window: tuple[float, float], wind: float) ->
     attack = np.abs(motion.states[:, motion.names.index("dq_v")]).max() / wind
     return pd.DataFrame({
         **{f"{STEADY}_{motion.names[k]}_percent": [change[k]] for k in (0, 1)},
-        ATTACK: [attack], "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0, "motion": "ok",
+        ATTACK: [attack], "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0,
+        "motion": "ok",
     })  # fmt: skip
 
 

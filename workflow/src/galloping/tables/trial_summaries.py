@@ -2,8 +2,8 @@
 
 The columns are those of `report/tables.csv`.
 
-`exact_terms.csv`: how many of DRAWS draws of the noise of the Lorenz system gave exactly the right
-terms, by length in s and noise level, as stored in AHsu98/jsindy at da8393e,
+`exact_terms.csv`: how many of DRAWS draws of the noise of the Lorenz system gave
+exactly the right terms, by length in s and noise level, as stored in AHsu98/jsindy at da8393e,
 `paper-figures/lorenz-heatmap` (MIT licence, copyright 2025 Alexander W. Hsu, Ike W. Griss Salas,
 Jacob M. Stevens-Haas, J. Nathan Kutz, Aleksandr Aravkin and Bamdad Hosseini), the row of ODR-BINDy
 by its author L. Fung (arXiv 2507.23426). ODR-BINDy is given the size of the noise. Of van der Pol

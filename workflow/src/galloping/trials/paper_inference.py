@@ -324,9 +324,9 @@ def estimate(
     """Estimate the likelihood of parameters from simulated noise realisations.
 
     Returns None if a condition excludes the parameters. log_likelihood: of all that is printed.
-    without_NAME: of all but one of `agreement.GROUPS`. By the name of each factor: its logarithm.
-    change: of the amplitudes, of the lines that are read as steady. attack: largest |dq_v| / U.
-    draws: value of each claim by draw.
+    without_NAME: of all but one of `agreement.GROUPS`. By the name of each factor: its
+    logarithm. change: of the amplitudes, of the lines that are read as steady. attack: largest
+    |dq_v| / U. draws: value of each claim by draw.
     """
     motion, line = _simulate_line(reading, values, agreement.CASE)
     if not _is_in_reach(motion):

@@ -81,8 +81,8 @@ def systems(
     """Yield noisy recordings of a published system with different numbers of samples and noise.
 
     case: name of the system. levels: of the noise, in standard deviations of each state. The bound
-    of a chaotic flow is that of pieces of REMEMBERED periods, each with an unknown beginning, which
-    joined pieces may exceed.
+    of a chaotic flow is that of pieces of REMEMBERED periods, each with an unknown beginning,
+    which joined pieces may exceed.
     """
     system = SYSTEMS[case]
     true = system.model

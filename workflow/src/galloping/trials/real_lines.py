@@ -146,8 +146,8 @@ def predict_quantities(
     """Predict amplitudes, net damping and frequencies with a model, with 95 % intervals.
 
     Returns values and half widths of the intervals, by QUANTITIES, with a model of a line.
-    Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of models
-    drawn with the covariance of the coefficients; NaN without one. The further modes of an
+    Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of
+    models drawn with the covariance of the coefficients; NaN without one. The further modes of an
     approximate model are added to its motion, and its residual to the interval of an amplitude.
     """
     further = identified.further_motion(time)
