@@ -17,15 +17,15 @@ from snakemake.utils import update_config
 from galloping.configuration.keys import RENAMED
 from galloping.configuration.load import clean_merged, load, load_files, plain, sort_keys
 from galloping.configuration.schema import (
-    BEGIN,
-    END,
+    TABLE_BEGIN,
+    TABLE_END,
     leaves,
     schema,
     schema_for_editors,
     with_key_table,
 )
 from galloping.configuration.settings import Settings
-from galloping.configuration.yaml_file import ENDLESS, ConfigurationError, read
+from galloping.configuration.yaml_file import NESTING_MESSAGE, ConfigurationError, read
 from galloping.identification.registry import BY_NAME as METHODS
 from galloping.line import continuous
 from galloping.line.galerkin import derive
@@ -341,7 +341,7 @@ FILES = [
     ("a: 2026-13-01\n", ":1: '2026-13-01' is no timestamp"),
     ("a: !!int x\n", ":1: 'x' is no int"),
     ("a: !!python/name:os.system\n", ":1: could not determine a constructor for the tag"),
-    *((text, f": {ENDLESS}") for text in (
+    *((text, f": {NESTING_MESSAGE}") for text in (
         "a: &a [*a]\n", "a: &a {b: *a}\n", "a: " + "[" * 2000 + "]" * 2000,
         "a: &a [x, x, x, x, x, x, x, x]\n" + LAUGHS)),
     (b"a: \xff\n", ": is not UTF-8 text"),
@@ -506,7 +506,7 @@ def test_an_editor_marks_what_a_run_would_refuse(mistake):
 
 
 def test_a_stale_key_table_is_mended_and_one_without_markers_refused():
-    text = with_key_table(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    text = with_key_table(f"before\n{TABLE_BEGIN}\nold\n{TABLE_END}\nafter\n")
     assert text.startswith("before\n") and text.endswith("\nafter\n")
     assert "| `measurement.seed` | `20260130` | 1 | a whole number >= 0 |" in text
     with pytest.raises(ValueError, match="needs the two lines"):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from galloping.configuration.kinds import EXAMPLES, KINDS, WITH_WIND
+from galloping.configuration.kinds import EXAMPLES, KINDS, WIND_CASES
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.identified_model import IdentifiedModel
@@ -41,7 +41,7 @@ KNOWN = {
 def test_the_cases_of_a_kind_are_those_that_its_trial_knows(kind):
     assert {*KINDS[kind].cases} == {*KNOWN[kind]}
     if kind == "model_error":
-        assert {*WITH_WIND} == {name for name, truth in TRUTHS.items() if truth.wind}
+        assert {*WIND_CASES} == {name for name, truth in TRUTHS.items() if truth.wind}
 
 
 def drawn(number):

@@ -18,15 +18,15 @@ with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") 
 TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
 EXACT_TERMS, INTERVALS = "published_terms", "published_intervals"
 EXAM = "exam"  # table of an exam, whose trials are its strata
-OURS_ALONE = ("maximum_likelihood",)  # for tables that do not distinguish methods
-# s, of the longest recordings that were published of each system
-LONGEST = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
-# quadratic coefficients of a relaxation
+DEFAULT_METHODS = ("maximum_likelihood",)  # methods in tables that do not distinguish methods
+# s: duration of the longest published recording, by system
+PUBLISHED_DURATIONS = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
+# values of the quadratic coefficient of the relaxation, by name of the case
 GAMMAS = {f"gamma {gamma:g}": gamma for gamma in (0.0, 0.02, 0.04, 0.08, 0.12, 0.16)}
-# cases of `model_error` with the wind as an input, and the methods that take inputs
-WITH_WIND = ("9 modes, gusts 5 %, wind", "9 modes, gusts 10 %, wind", "two modes, gusts 5 %, wind")
-DRIVEN = ("maximum_likelihood", "weak_gls")
-# files that come with the project, and how their columns are read
+# cases of `model_error` with the wind as an input, then the methods that accept inputs
+WIND_CASES = ("9 modes, gusts 5 %, wind", "9 modes, gusts 10 %, wind", "two modes, gusts 5 %, wind")
+INPUT_METHODS = ("maximum_likelihood", "weak_gls")
+# tables of the examples and the mappings of their columns, by name
 EXAMPLES = {name: (f"examples/{name}.csv", f"examples/{name}.yaml") for name in ("span", "gusts")}
 
 
@@ -41,7 +41,7 @@ class Kind:
 
     table: str
     cases: tuple[str, ...]
-    methods: tuple[str, ...] = OURS_ALONE
+    methods: tuple[str, ...] = DEFAULT_METHODS
     options: Mapping[str, tuple] = field(default_factory=dict)
     usable: tuple[str, ...] = ()
 
@@ -51,13 +51,13 @@ KINDS = {
         TRUST,
         cases=("internal_resonance",),
         options={"protocols": ("state", "displacement"), "levels": (0.05, 0.1, 0.15)},
-        usable=OURS_ALONE,
+        usable=DEFAULT_METHODS,
     ),
     "random_lines": Kind(
         TRUST,
         cases=("all",),
         options={"protocols": ("state",), "levels": (0.05,), "durations": (300.0,)},
-        usable=OURS_ALONE,
+        usable=DEFAULT_METHODS,
     ),
     "sensor_faults": Kind(
         TRUST,
@@ -66,7 +66,7 @@ KINDS = {
             "multiplicative noise",
         ),
         options={"levels": (0.05,)},
-        usable=OURS_ALONE,
+        usable=DEFAULT_METHODS,
     ),
     "long_and_steady": Kind(
         TRUST,
@@ -75,7 +75,7 @@ KINDS = {
             "sensitive lines",
         ),
         options={"levels": (0.05,)},
-        usable=OURS_ALONE,
+        usable=DEFAULT_METHODS,
     ),
     "systems": Kind(
         SYSTEMS,
@@ -88,14 +88,14 @@ KINDS = {
         cases=(
             "9 modes", "9 modes, relative wind", "9 modes, gusts 5 %", "9 modes, mid-span",
             "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %",
-            *WITH_WIND,
+            *WIND_CASES,
         ),
     ),
     "ambient": Kind(MODEL_ERROR, cases=("two modes in random forces",)),
     "free_decays": Kind(MODEL_ERROR, cases=("free decay with a second mode",)),
     "published_terms": Kind(
         EXACT_TERMS,
-        cases=tuple(LONGEST),
+        cases=tuple(PUBLISHED_DURATIONS),
         options={"levels": (0.1, 0.2, 0.3, 0.4), "durations": (4.0, 7.0, 10.0)},
     ),
     "published_intervals": Kind(
@@ -110,7 +110,7 @@ KINDS = {
             "two modes to rest", "unmeasured machine", "step of a force", "held force",
             "force of two values", *EXAMPLES,
         ),
-        usable=DRIVEN,
+        usable=INPUT_METHODS,
     ),
     "paper": Kind(PAPER, cases=tuple(BY_NAME), methods=("paper",)),
 }  # fmt: skip

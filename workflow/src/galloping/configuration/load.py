@@ -14,7 +14,7 @@ from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ConfigurationError, read, refuse_endless
 from galloping.fields import Section, show
 
-# by type of error of pydantic; all other values are reported as "is not allowed"
+# texts by pydantic's type of error; all other values are reported as "is not allowed"
 FAULTS = {
     "float_type": "is not a number",
     "int_type": "is not a whole number",
@@ -25,7 +25,7 @@ FAULTS = {
     "model_type": "is not a section",
 }
 
-MAX_PROBLEMS = 20
+MAX_PROBLEMS = 20  # problems listed in a message
 
 
 def load(mapping: dict) -> Settings:

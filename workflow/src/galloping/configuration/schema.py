@@ -116,20 +116,20 @@ def _describe_bounds(node: dict) -> str:
     return " and ".join(f"{sign} {node[key]:.12g}" for key, sign in signs.items() if key in node)
 
 
-BEGIN = "<!-- keys: generated from the settings, do not edit -->"
-END = "<!-- end of keys -->"
+TABLE_BEGIN = "<!-- keys: generated from the settings, do not edit -->"
+TABLE_END = "<!-- end of keys -->"
 HEADER = ("Key", "Default", "Unit", "Allowed", "Provenance", "Meaning")
 
 
 def with_key_table(text: str) -> str:
     """Replace the table of keys between two markers; raise ValueError if one is missing."""
-    before, begin, below = text.partition(BEGIN)
-    _, end, after = below.partition(END)
+    before, begin, below = text.partition(TABLE_BEGIN)
+    _, end, after = below.partition(TABLE_END)
     if not (begin and end):
-        raise ValueError(f"needs the two lines\n{BEGIN}\n{END}")
+        raise ValueError(f"needs the two lines\n{TABLE_BEGIN}\n{TABLE_END}")
     rows = [HEADER, ["---"] * len(HEADER), *(_table_cells(path, node) for path, node in leaves())]
     table = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
-    return f"{before}{BEGIN}\n\n{table}\n\n{END}{after}"
+    return f"{before}{TABLE_BEGIN}\n\n{table}\n\n{TABLE_END}{after}"
 
 
 def _table_cells(path: str, node: dict) -> list[str]:
@@ -148,7 +148,7 @@ def _table_cells(path: str, node: dict) -> list[str]:
     ]
 
 
-OWN_KEYWORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # not of JSON schema
+EXTRA_KEYWORDS = ("unit", "symbol", "provenance", "note", "rule", "why")  # extend JSON schema
 
 
 def schema_for_editors() -> str:
@@ -174,7 +174,7 @@ def _for_editors(node: Any) -> Any:
     if isinstance(text := node.get("description"), str):
         unit = node.get("unit", "") if node.get("unit") != "1" else ""
         converted["description"] = "; ".join(filter(None, (text, unit, node.get("rule"))))
-        converted = {key: value for key, value in converted.items() if key not in OWN_KEYWORDS}
+        converted = {key: value for key, value in converted.items() if key not in EXTRA_KEYWORDS}
     if "patternProperties" in node:
         converted["additionalProperties"] = False
     return converted

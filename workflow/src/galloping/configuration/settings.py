@@ -11,7 +11,14 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from galloping.configuration.keys import keys
-from galloping.configuration.kinds import DRIVEN, KINDS, LONGEST, PAPER, WITH_WIND, equal_effort
+from galloping.configuration.kinds import (
+    INPUT_METHODS,
+    KINDS,
+    PAPER,
+    PUBLISHED_DURATIONS,
+    WIND_CASES,
+    equal_effort,
+)
 from galloping.cycles.family import PARAMETERS
 from galloping.fields import Name, make_error, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
@@ -24,7 +31,8 @@ LineSection = keys("line", "The span and how it hangs.")
 GUSTS = keys(
     "gusts", "The wind about its mean, the same along the span.", spectrum=one_of(tuple(SPECTRA))
 )
-LARGEST_SAG = 0.25  # of the span; beyond, a parabola errs by more than a tenth of the tension
+# sag over span; above, a parabola gives the tension with errors of more than a tenth
+MAX_SAG_RATIO = 0.25
 
 
 class InitialStateSection(keys("initial_state")):
@@ -118,12 +126,12 @@ class CaseSection(
         """Describe why the line is no shallow cable at a tension (N) and span (m), "" if it is."""
         weight = self.conductor.mass * self.gravity
         sag = weight * span**2 / (8 * tension)
-        if sag <= LARGEST_SAG * span:
+        if sag <= MAX_SAG_RATIO * span:
             return ""
         return (
             f"{show(tension)} gives a sag of {sag:.4g} m in a span of {show(span)} m, which is no "
-            f"shallow cable; must be >= {weight * span / (8 * LARGEST_SAG):.4g} N, or the span "
-            f"<= {8 * LARGEST_SAG * tension / weight:.4g} m"
+            f"shallow cable; must be >= {weight * span / (8 * MAX_SAG_RATIO):.4g} N, or the span "
+            f"<= {8 * MAX_SAG_RATIO * tension / weight:.4g} m"
         )
 
 
@@ -143,14 +151,14 @@ FolderName = Annotated[
 FolderPath = Annotated[
     str, Field(pattern=r"^/?[A-Za-z0-9_.-]{1,255}(/[A-Za-z0-9_.-]{1,255})*$", max_length=1000)
 ]
-# folders of a clone of the project
-OWN_FOLDERS = ("config", "tests", "workflow", "results/reference")
+# folders of the project's clone that cannot contain results
+PROJECT_FOLDERS = ("config", "tests", "workflow", "results/reference")
 
-WINDOW_SAMPLES = 10  # fewer show no amplitude
-MAX_INTERVALS = 10_000_000  # more is taken to be a mistake
+MIN_WINDOW_INTERVALS = 10  # sampling intervals in a steady window; fewer show no amplitude
+MAX_SAMPLING_INTERVALS = 10_000_000  # of a simulation; a larger number is likely a mistake
 
-SWEPT = one_of(tuple(PARAMETERS))
-MAX_SWEEP_VALUES = 1000
+PARAMETER_NAME = one_of(tuple(PARAMETERS))
+MAX_SWEEP_VALUES = 1000  # values of a swept parameter
 
 
 class SimulationSection(keys("simulation")):
@@ -167,8 +175,8 @@ class SimulationSection(keys("simulation")):
         if duration := info.data.get("duration"):
             intervals = duration * rate
             text = f"{show(rate)} gives {show(intervals)} sampling intervals in {show(duration)} s"
-            if not 100 <= intervals <= MAX_INTERVALS:
-                raise make_error(f"{text}; must be 100..{MAX_INTERVALS}")
+            if not 100 <= intervals <= MAX_SAMPLING_INTERVALS:
+                raise make_error(f"{text}; must be 100..{MAX_SAMPLING_INTERVALS}")
             if abs(intervals - round(intervals)) > 1e-9 * intervals:
                 raise make_error(f"{text}; must be a whole number")
         return rate
@@ -183,10 +191,10 @@ class SimulationSection(keys("simulation")):
                 f"{show(window)} is not a window of the record; "
                 f"must be increasing, 0..{show(duration)} s"
             )
-        if (end - start) * info.data.get("sampling_rate", inf) < WINDOW_SAMPLES:
+        if (end - start) * info.data.get("sampling_rate", inf) < MIN_WINDOW_INTERVALS:
             raise make_error(
-                f"{show(window)} has less than {WINDOW_SAMPLES} sampling intervals; "
-                f"must have {WINDOW_SAMPLES} or more"
+                f"{show(window)} has less than {MIN_WINDOW_INTERVALS} sampling intervals; "
+                f"must have {MIN_WINDOW_INTERVALS} or more"
             )
         return window
 
@@ -261,19 +269,20 @@ class TrialSection(
                 text = f"{show(method)} is no method of {self.kind}"
                 raise make_error(f"{text}; allowed: {', '.join(kind.usable)}", "methods")
         for case in self.cases or kind.cases:
-            if case in WITH_WIND and not {*(self.methods or DRIVEN)} & {*DRIVEN}:
+            if case in WIND_CASES and not {*(self.methods or INPUT_METHODS)} & {*INPUT_METHODS}:
                 text = f"{show(self.methods)} cannot use the wind of {show(case)}"
-                raise make_error(f"{text}; must have one of {', '.join(DRIVEN)}", "methods")
+                raise make_error(f"{text}; must have one of {', '.join(INPUT_METHODS)}", "methods")
             for duration in self.durations or ():
-                if duration > LONGEST.get(case, duration):
+                most = PUBLISHED_DURATIONS.get(case, duration)
+                if duration > most:
                     raise make_error(
-                        f"{duration:g} is not allowed; of {case} at most {LONGEST[case]:g}",
+                        f"{duration:g} is not allowed; of {case} at most {most:g}",
                         "durations",
                     )
         return self
 
 
-class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
+class SweepSection(keys("sweep", parameter=PARAMETER_NAME, second=PARAMETER_NAME)):
     """Range over which one or two parameters of every line are varied."""
 
     @field_validator("values", "second_values")
@@ -374,7 +383,7 @@ class Settings(
     def _check_results_folder(cls, results: str) -> str:
         path = Path(results)
         for part in (path, *path.parents):
-            if part.as_posix().lower() in OWN_FOLDERS:
+            if part.as_posix().lower() in PROJECT_FOLDERS:
                 raise make_error(f"{show(results)} is the project's own; must be another folder")
             if part.exists() and not part.is_dir():
                 raise make_error(

@@ -7,8 +7,11 @@ from yaml.nodes import MappingNode, Node
 
 from galloping.fields import show
 
-MAX_LEVELS, MAX_VALUES = 20, 100_000
-ENDLESS = f"lists or sections are nested without end; must be at most {MAX_LEVELS} levels deep"
+MAX_NESTING_LEVELS = 20
+MAX_VALUES = 100_000  # values in a file
+NESTING_MESSAGE = (
+    f"lists or sections are nested without end; must be at most {MAX_NESTING_LEVELS} levels deep"
+)
 
 
 class ConfigurationError(ValueError):
@@ -41,21 +44,21 @@ def read(path: str | Path) -> dict:
     except (yaml.YAMLError, ValueError) as error:
         fault = f": {' '.join(str(error).split())}"
     except RecursionError:
-        fault = f": {ENDLESS}"
+        fault = f": {NESTING_MESSAGE}"
     raise ConfigurationError(f"{path}{fault}")
 
 
 def refuse_endless(content: object) -> None:
     """Raise ConfigurationError if lists and dicts are nested without end or hold too much.
 
-    At most MAX_LEVELS levels and MAX_VALUES values are allowed. With YAML's anchors
+    At most MAX_NESTING_LEVELS levels and MAX_VALUES values are allowed. With YAML's anchors
     a short file can contain itself, or a list of 10^9 items.
     """
     level, values, depth = [content], 0, 0
     while level:
         depth, values = depth + 1, values + len(level)
-        if depth > MAX_LEVELS or values > MAX_VALUES:
-            raise ConfigurationError(ENDLESS)
+        if depth > MAX_NESTING_LEVELS or values > MAX_VALUES:
+            raise ConfigurationError(NESTING_MESSAGE)
         inner: list[object] = []
         for value in level:
             if isinstance(value, dict):

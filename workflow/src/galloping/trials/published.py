@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from galloping.configuration.kinds import GAMMAS, LONGEST, PUBLISHED
+from galloping.configuration.kinds import GAMMAS, PUBLISHED, PUBLISHED_DURATIONS
 from galloping.evaluation.bounds import Experiment, on_library, state_bound
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import PolynomialModel, polynomial_library
@@ -130,11 +130,11 @@ def exact_terms(
     """Yield simulated recordings of a system, to count how often exactly its terms are found.
 
     case: name of the system. Noise and durations are those of a published comparison. levels: of
-    the noise, relative to the size of the motion. durations: s, up to LONGEST.
+    the noise, relative to the size of the motion. durations: s, up to PUBLISHED_DURATIONS.
     """
     system, step = SETTINGS[case]
     true = system.model
-    time = step * np.arange(round(LONGEST[case] / step), dtype=np.float64)
+    time = step * np.arange(round(PUBLISHED_DURATIONS[case] / step), dtype=np.float64)
     start = np.array(system.start, np.float64)
     motion = Simulator(true.states, true.terms)(true, start, time).states
     for duration in durations:

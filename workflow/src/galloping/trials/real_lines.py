@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from galloping.configuration.kinds import DRIVEN
+from galloping.configuration.kinds import INPUT_METHODS
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.drawn_models import draw_models
@@ -229,7 +229,7 @@ def trial(
             values[:, 2:] = np.nan
         recordings = [Recording(time, STATES, values, inputs=measured)]
         for method, settings in methods.items():
-            if truth.wind and method not in DRIVEN:
+            if truth.wind and method not in INPUT_METHODS:
                 continue
             name = ("model_error", case, str(replicate))
             identified, answer = identify_once({method: settings}, recordings, terms, name)
