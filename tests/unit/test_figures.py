@@ -14,7 +14,7 @@ from galloping.figures.each_term import draw_coefficients
 from galloping.figures.motions import draw_histories, draw_recovery
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
 from galloping.figures.style import METHODS, method_style, write_figure
-from galloping.figures.verdicts import ERRORS, draw_model_error, draw_trust
+from galloping.figures.verdicts import ERROR_LABELS, draw_model_error, draw_trust
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import derive
 from galloping.model.intervals import median_and_interval
@@ -277,7 +277,7 @@ def test_an_overview_says_who_errs_least():
 
 def test_errors_of_lines_have_a_row_for_each_truth_and_sensors_in_the_configured_order():
     rows = [("gusts 10 %", "all"), ("decay", "near"), ("decay", "far"), ("gusts 5 %", "all")]
-    names = [f"{name}_{kind}_percent" for name in ERRORS for kind in ("error", "worst")]
+    names = [f"{name}_{kind}_percent" for name in ERROR_LABELS for kind in ("error", "worst")]
     table = pd.DataFrame(rows, columns=["truth", "sensors"]).assign(
         method="weak", replicates=9, n_models=9, terms=2, **dict.fromkeys(names, 1.0)
     )

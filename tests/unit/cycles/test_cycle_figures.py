@@ -16,7 +16,7 @@ from galloping.cycles.ranking import Design, derive_parts, rank_measures
 from galloping.cycles.settling import settle
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
-from galloping.figures.parts import TALLEST
+from galloping.figures.parts import MAX_FIGURE_HEIGHT
 from galloping.line import measures
 from galloping.line.measures import (
     FOOT,
@@ -143,7 +143,7 @@ def test_clearance_and_measures():
     assert figure.axes[2].get_xlim()[1] > 50.0  # the clearance to keep is on the axis
     many = [f"line {k}" for k in range(20)]
     tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
-    assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= TALLEST
+    assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= MAX_FIGURE_HEIGHT
 
 
 def test_prediction():

@@ -12,9 +12,10 @@ from galloping.paper.claims import BY_NAME
 from galloping.paper.unknowns import LABELS
 from galloping.results import PAPER_METHOD
 
-OURS = style.method_style(PAPER_METHOD).color  # of realisations of the paper's method
-LEAST, LEAST_SHOWN = -12.0, -6.0  # powers of ten: place of less probable readings; end of the axis
-RANGE = {"color": style.FAINT, "height": 0.55}
+METHOD_COLOR = style.method_style(PAPER_METHOD).color  # color of its realisations
+MIN_EXPONENT = -12.0  # smallest plotted power of ten; less probable readings are plotted here
+AXIS_EXPONENT = -6.0  # power of ten at the left end of the axis, if no reading is below
+RANGE_STYLE = {"color": style.LIGHT_GREY, "height": 0.55}
 
 
 def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
@@ -38,16 +39,16 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     left.set_xticks(ticks := 10.0 ** np.arange(-2, 4), [f"{tick:g}" for tick in ticks])
     for k, row in enumerate(numbers.itertuples()):
         bar = {"lw": 3.0, "alpha": 0.45}
-        parts.dot(left, k, (row.median, row.low, row.high), limits, OURS, "o", 4, bar=bar)
+        parts.dot(left, k, (row.median, row.low, row.high), limits, METHOD_COLOR, "o", 4, bar=bar)
         if row.high > limits[1]:
-            left.plot(limits[1], k, ">", color=OURS, ms=4, clip_on=False)
+            left.plot(limits[1], k, ">", color=METHOD_COLOR, ms=4, clip_on=False)
         left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
     parts.rows(left, list(map(_shorten_claim, numbers["claim"])), lines=False)
     parts.letter(right, 1, "share that meets a bound")
     columns = ["share_met", "share_met_low", "share_met_high"]
     shares, low, high = 100 * bounds[columns].to_numpy(float).T
-    right.barh(np.arange(len(bounds)), shares, height=0.55, color=OURS, alpha=0.45)
-    right.hlines(np.arange(len(bounds)), low, high, color=OURS, lw=1.0)
+    right.barh(np.arange(len(bounds)), shares, height=0.55, color=METHOD_COLOR, alpha=0.45)
+    right.hlines(np.arange(len(bounds)), low, high, color=METHOD_COLOR, lw=1.0)
     for k, share in enumerate(shares):
         right.text(112, k, f"{share:.0f} %", va="center", ha="right", fontsize="small")
     right.axvline(50, color="#8a8a8a", lw=0.6, ls=":")
@@ -57,8 +58,8 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     parts.rows(right, list(map(_shorten_claim, names)), lines=False)
     star = parts.key("printed in the paper", marker="*", color=style.PAPER, ms=8, mew=0)
     ours = "our realisations: median, 5 to 95 %"
-    dot = parts.key(ours, color=OURS, marker="o", ms=4, ls="-")
-    share = parts.key("95 % interval of a share", color=OURS, ls="-", lw=1.0)
+    dot = parts.key(ours, color=METHOD_COLOR, marker="o", ms=4, ls="-")
+    share = parts.key("95 % interval of a share", color=METHOD_COLOR, ls="-", lw=1.0)
     parts.legend(figure, star, dot, share)
     if len(numbers) and len(bounds):
         inside = numbers["printed"].between(numbers["low"], numbers["high"]).sum()
@@ -86,7 +87,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     ends = np.log(numbers[["prior_low", "low", "high", "prior_high"]].to_numpy(float)).T
     low, high = (100 * (each - ends[0]) / (ends[3] - ends[0]) for each in ends[1:3])
     places = np.arange(len(numbers))
-    left.barh(places, 100, label="range tried", **RANGE)
+    left.barh(places, 100, label="range tried", **RANGE_STYLE)
     left.barh(
         places, high - low, left=low, height=0.3, color=style.MODEL, label="left by the paper"
     )
@@ -97,8 +98,8 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     parts.rows(left, [LABELS[name] for name in numbers["unknown"]], lines=False)
     left.set(xlim=(0, 165), xticks=[0, 50, 100], xlabel="% of the range, in equal ratios")
     parts.letter(right, 1, "readings of the paper")
-    powers = np.maximum(readings["log10_bayes_factor"].to_numpy(float), LEAST)
-    right.axvline(0, color=style.QUIET, lw=0.6)
+    powers = np.maximum(readings["log10_bayes_factor"].to_numpy(float), MIN_EXPONENT)
+    right.axvline(0, color=style.DARK_GREY, lw=0.6)
     right.errorbar(powers, np.arange(len(readings)), xerr=2 * readings["standard_error"], fmt="o",
                    ms=3.5, color=style.MODEL, elinewidth=1.0)  # fmt: skip
     for k, row in enumerate(readings.itertuples()):
@@ -106,7 +107,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
         right.text(end + 0.15, k, row.verdict, va="center", size="small",
                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip
     parts.rows(right, list(map(_typeset_reading, readings["reading"])), lines=False)
-    right.set(xlim=(min(LEAST_SHOWN, powers.min() - 1), max(2.0, powers.max() + 4.0)),
+    right.set(xlim=(min(AXIS_EXPONENT, powers.min() - 1), max(2.0, powers.max() + 4.0)),
               xlabel="$\\log_{10}$ of the relative evidence")  # fmt: skip
     parts.legend(figure)
     determined = (numbers["verdict"] == "determined").sum()

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from galloping.figures import parts
 from galloping.figures.errors import replace_cells
-from galloping.figures.style import MODEL, QUIET, SERIES, SINGLE, TRUE
+from galloping.figures.style import DARK_GREY, MODEL, SERIES, SINGLE_COLUMN, TRUE
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import EQUATIONS, STATES, Derived
 from galloping.model.polynomial import polynomial_library, velocity_pairs
@@ -17,8 +17,8 @@ from galloping.results import KNOWN
 from galloping.tables.scores import spread
 from galloping.tables.table3 import identified_terms
 
-WIDEST = (-0.5, 2.5)  # of identified / true
-APART = 0.3  # between the symbols of one term
+RATIO_LIMITS = (-0.5, 2.5)  # widest limits of the axis of identified over true coefficients
+SYMBOL_SPACING = 0.3  # distance of the symbols of one term, in spacings of the terms
 
 
 def _typeset_symbol(symbol: str) -> str:
@@ -50,7 +50,7 @@ def draw_coefficients(
         for cell in settings["levels"]
     ]
     true = found[0][found[0]["true"] != 0]
-    figure, ((above,), (below,)) = parts.panels(3.0, 2, width=SINGLE, height_ratios=(1, 1.2))
+    figure, ((above,), (below,)) = parts.panels(3.0, 2, width=SINGLE_COLUMN, height_ratios=(1, 1.2))
     known = identified[next(iter(settings["levels"]))][settings["method"]][0].known
     if settings["kinematics"] == KNOWN:
         known = tuple(velocity_pairs(STATES))
@@ -59,14 +59,14 @@ def draw_coefficients(
     realisations = replace_cells(table, draws, settings)
     _draw_false_terms(above, realisations, possible, settings["label"])
     reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_divide_by_truth(each) - 1)) for each in found))
-    limits = max(WIDEST[0], 1 - reach), min(WIDEST[1], 1 + reach)
+    limits = max(RATIO_LIMITS[0], 1 - reach), min(RATIO_LIMITS[1], 1 + reach)
     parts.letter(below, 1, "coefficients over their true values")
     below.axhline(1, color=TRUE, lw=0.8)
     for k, (level, each) in enumerate(zip(levels, found, strict=True)):
-        x = np.arange(len(true)) + APART * (k - (len(levels) - 1) / 2)
+        x = np.arange(len(true)) + SYMBOL_SPACING * (k - (len(levels) - 1) / 2)
         _draw_ratios(below, x, each, limits, *SERIES[2 * k % len(SERIES)], f"noise {level:g}")
     vertical = (true["equation"] == EQUATIONS[min(EQUATIONS)]).sum()
-    below.axvline(vertical - 0.5, color=QUIET, lw=0.6)
+    below.axvline(vertical - 0.5, color=DARK_GREY, lw=0.6)
     margin = 0.06 * (limits[1] - limits[0])
     below.set(ylim=(limits[0] - margin, limits[1] + margin), ylabel="identified / true")
     below.set_xticks(range(len(true)), list(map(_typeset_symbol, true["symbol"])), fontsize="small")
@@ -88,7 +88,7 @@ def _draw_false_terms(axes: Axes, scores: pd.DataFrame, possible: int, label: st
     x = [places.position(level) for level in counts.index]
     axes.vlines(x, counts["low"], counts["high"], color=MODEL, lw=1.0)
     axes.plot(x, counts["median"], color=MODEL, marker="h", ms=4)
-    axes.axhline(possible, color=QUIET, lw=0.8, ls=":")
+    axes.axhline(possible, color=DARK_GREY, lw=0.8, ls=":")
     axes.set(ylim=(-0.04 * possible, 1.08 * possible), ylabel="false terms")
 
 

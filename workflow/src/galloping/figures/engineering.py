@@ -20,21 +20,23 @@ from galloping.line.galerkin import Line, make_mode_shapes, positions
 from galloping.line.measures import NO_MEASURE, design_ellipses, ice_removal
 from galloping.storage import replacing
 
-COLUMNS = 3  # of panels of orbits
+MAX_COLUMNS = 3  # columns of panels of orbits
 ELLIPSES = {
     "Davison": ("#b30000", (0, (5, 2))),
     "Toye": ("#2fa86a", (0, (1, 1))),
     "CIGRE 322": ("#e69f00", "-."),
 }
-SHOWN = 4000  # points at the end of an orbit, some twenty rounds
-LEVEL: dict[str, Any] = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
-MEASURED = {
+ORBIT_POINTS = 4000  # plotted points at the end of an orbit, about twenty revolutions
+LEVEL_STYLE: dict[str, Any] = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
+MEASURE_LABELS = {
     "vertical_amplitude_m": "vertical amplitude, m",
     "critical_wind_m_s": "critical wind, m/s",
     "clearance_m": "least clearance, m",
 }
-SIZE, DPI, RATE = (7.2, 3.2), 110, 10  # inches, px/inch, frames per second
-COLOURS = 24  # of an animation
+ANIMATION_SIZE = (7.2, 3.2)  # inches
+DPI = 110  # px/inch
+FRAME_RATE = 10  # frames per second
+PALETTE_SIZE = 24  # colors of an animation
 
 
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
@@ -45,7 +47,7 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     m/s, of the simulations.
     """
     names = list(settings["cases"])
-    columns = min(len(names), COLUMNS)
+    columns = min(len(names), MAX_COLUMNS)
     height = parts.height(0.6, 3.6, -(-len(names) // columns))
     figure, grid = parts.wrapped_grid(len(names), columns, height)
     drawn = [places for of_case in orbits.values() for places in of_case.values()]
@@ -87,14 +89,14 @@ def _draw_orbits_of_case(
         axes.plot([], [], color=color, ls=line, lw=1.1, label=what)
     shades = np.linspace(0.55, 1.0, len(orbits))
     for (wind, places), shade in zip(sorted(orbits.items()), shades, strict=True):
-        axes.plot(*places[-SHOWN:].T, color=MODEL, alpha=shade, lw=0.6 + shade,
+        axes.plot(*places[-ORBIT_POINTS:].T, color=MODEL, alpha=shade, lw=0.6 + shade,
                   label=f"{wind:g} m/s")  # fmt: skip
         axes.annotate(
             f"{wind:g}", places[np.argmax(places[:, 1])], xytext=(0, 2),
             textcoords="offset points", ha="center", color=MODEL, size="x-small",
         )  # fmt: skip
     axes.plot(0, 0, marker="+", ms=8, color=INK)
-    axes.axhline(sag, **LEVEL)
+    axes.axhline(sag, **LEVEL_STYLE)
     axes.text(0.02, sag, "supports", transform=axes.get_yaxis_transform(), va="bottom",
               color="#5f5f5f", size="small")  # fmt: skip
     place = 0.95 * reach
@@ -113,14 +115,14 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     """
     most = table[table["case"].isin(settings["cases"])]["case"].value_counts().max()
     figure, grids = parts.case_grids(
-        settings["cases"], len(MEASURED), 0.4, 0.7 + 0.2 * most, sharex=False
+        settings["cases"], len(MEASURE_LABELS), 0.4, 0.7 + 0.2 * most, sharex=False
     )
     for row, (case, grid) in enumerate(grids.items()):
         of_case = table[table["case"] == case].sort_values("rank")
         limit = float(of_case["required_clearance_m"].iloc[0])
         labels = of_case["measure"] + np.where(of_case["note"].fillna("") != "", " *", "")
-        for column, (axes, name) in enumerate(zip(grid[0], MEASURED, strict=True)):
-            parts.letter(axes, row * len(MEASURED) + column, MEASURED[name])
+        for column, (axes, name) in enumerate(zip(grid[0], MEASURE_LABELS, strict=True)):
+            parts.letter(axes, row * len(MEASURE_LABELS) + column, MEASURE_LABELS[name])
             values = of_case[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
             known = values[np.isfinite(values[:, 0])]
             least = limit if name == "clearance_m" else 0.0
@@ -169,10 +171,10 @@ def write_animation(
 
     The same motion gives the same bytes. The span is drawn in elevation (vertical motion to the
     scale of the sag) and in plan, with the path of mid-span to scale, in real time. case: of the
-    configuration. time: (n,) s, uniform. states: (n, n_states) the motion, m and m/s, of which RATE
-    frames a second are shown. title: shown above the span.
+    configuration. time: (n,) s, uniform. states: (n, n_states) the motion, m and m/s, of which
+    FRAME_RATE frames a second are shown. title: shown above the span.
     """
-    step = max(1, round(1 / (RATE * (time[1] - time[0]))))
+    step = max(1, round(1 / (FRAME_RATE * (time[1] - time[0]))))
     with styled(8):
         figure, update = _prepare_scene(case, states, title)
         frames = range(0, len(time), step)
@@ -203,7 +205,7 @@ def _write_gif(
         update(frame)
         canvas.draw()
         image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-        palette = images[0] if images else image.quantize(COLOURS, dither=Image.Dither.NONE)
+        palette = images[0] if images else image.quantize(PALETTE_SIZE, dither=Image.Dither.NONE)
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
     with replacing(path) as partial:
         images[0].save(
@@ -219,19 +221,19 @@ def _prepare_scene(
     phi, psi = make_mode_shapes(case, line)
     s = positions(line.span)
     rest = -4 * line.sag * (s / line.span) * (1 - s / line.span)
-    figure = Figure(figsize=SIZE, layout="constrained")
+    figure = Figure(figsize=ANIMATION_SIZE, layout="constrained")
     panes = figure.subplot_mosaic(
         [["elevation", "orbit"], ["plan", "orbit"]], width_ratios=[2.2, 1]
     )
     elevation, plan, middle = panes["elevation"], panes["plan"], panes["orbit"]
     elevation.set_title(title, loc="left")
     reach = 1.15 * np.max(np.abs(states[:, :2])) or 1.0  # m, of a line at rest
-    elevation.plot(s, rest, **LEVEL)
+    elevation.plot(s, rest, **LEVEL_STYLE)
     (side,) = elevation.plot(s, rest, color=MODEL, lw=1.6)
     elevation.set(
         xlim=(0, line.span), ylim=(-line.sag - reach, 1.0), ylabel="height, m", xticklabels=[]
     )
-    plan.axhline(0, **LEVEL)
+    plan.axhline(0, **LEVEL_STYLE)
     (above,) = plan.plot(s, 0 * s, color=MODEL, lw=1.6)
     plan.set(xlim=(0, line.span), ylim=(-reach, reach), xlabel="m along the span",
              ylabel="downwind, m")  # fmt: skip

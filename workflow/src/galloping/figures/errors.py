@@ -10,18 +10,26 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from galloping.figures import parts
-from galloping.figures.style import PAPER, QUIET, SERIES, SHADE, SINGLE, method_style, spoken
+from galloping.figures.style import (
+    DARK_GREY,
+    PAPER,
+    SERIES,
+    SHADE,
+    SINGLE_COLUMN,
+    method_style,
+    spoken,
+)
 from galloping.paper.claims import CLAIMS, Claim
 from galloping.recording.measurement import PROTOCOLS_BY_NAME
 from galloping.results import BOUND, NOISE, MAIN_METHOD, PAPER_METHOD
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
 
-DECADES = (1e-2, 1e2)  # percent: limits of an axis without errors
-APART = 0.035  # decades between series at one place
-NONE = pd.Series(dtype=float)
+DEFAULT_LIMITS = (1e-2, 1e2)  # percent: limits of an axis without errors
+SERIES_SPACING = 0.035  # distance between series at one place, decades
+NO_VALUES = pd.Series(dtype=float)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)))
 PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")
-ORACLES = "oracle"  # style of the best possible tuning of pysindy
+ORACLE_STYLE = "oracle"  # name of the style of the best possible tuning of pysindy
 STAR = {"marker": "*", "ms": 8, "mew": 0, "zorder": 6, "label": "paper: printed"}
 BAR = {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2, "label": "paper: at least"}
 
@@ -45,7 +53,7 @@ class Quantity:
             low, high = map(parts.r2_place, parts.R2_LIMITS)
             return float(low), float(high)
         values = values[np.isfinite(values) & (values > 0)]
-        low, high = (values.min(), values.max()) if values.size else DECADES
+        low, high = (values.min(), values.max()) if values.size else DEFAULT_LIMITS
         return float(10 ** np.floor(np.log10(low))), float(10 ** np.ceil(np.log10(high)))
 
     def place(self, values: ArrayLike) -> np.ndarray:
@@ -97,7 +105,7 @@ QUANTITIES = {
         "Median amplitude error, {}",
     ),
 }
-AT = {"level": "at noise {:g}", "points": "from {:,.0f} samples"}
+CELL_TEXTS = {"level": "at noise {:g}", "points": "from {:,.0f} samples"}
 
 
 def printed(column: str, case: str) -> list[Claim]:
@@ -121,11 +129,11 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
         return parts.make_empty_figure("the paper's method has no noisy recordings in this study")
     quantities = [QUANTITIES[name] for name in settings["quantities"]]
     height = 0.85 + (1.75 if len(quantities) == 1 else 1.35 * len(quantities))
-    figure, grid = parts.panels(height, len(quantities), width=SINGLE, sharex=True)
+    figure, grid = parts.panels(height, len(quantities), width=SINGLE_COLUMN, sharex=True)
     panes, places = grid[:, 0], parts.LogAxis.of(chosen[x])
     for quantity, axes in zip(quantities, panes, strict=True):
         places.prepare(axes, settings["labels"][settings["protocol"]] if axes is panes[-1] else "")
-        columns = [name for name in quantity.columns if chosen.get(name, NONE).notna().any()]
+        columns = [name for name in quantity.columns if chosen.get(name, NO_VALUES).notna().any()]
         if not columns:
             parts.write_reason(axes, "this line has no such values")
             continue
@@ -135,7 +143,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
         limits = quantity.limits(np.concatenate([stars, *map(np.ravel, by_place.values())]))
         quantity.prepare(axes, limits)
         for k, (name, values) in enumerate(by_place.items()):
-            shift = APART * (k - (len(by_place) - 1) / 2)
+            shift = SERIES_SPACING * (k - (len(by_place) - 1) / 2)
             at = {value: places.position(value, shift) for value in values.index}
             _draw_series(axes, list(at.values()), quantity.place(values.T), limits, k)
             label = quantity.columns[name]
@@ -165,11 +173,11 @@ def _draw_series(
 def _describe_trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
     """Describe the median of the quantity's first column at both ends of the axis."""
     name, label = next(iter(quantity.columns.items()))
-    if chosen.get(name, NONE).isna().all():
+    if chosen.get(name, NO_VALUES).isna().all():
         return ""
     medians = _tabulate_interval(chosen, x, name)["median"]
     ends = dict.fromkeys([medians.index[0], medians.index[-1]])
-    texts = [f"{quantity.say(medians[end])} {AT[x].format(end)}" for end in ends]
+    texts = [f"{quantity.say(medians[end])} {CELL_TEXTS[x].format(end)}" for end in ends]
     return f"{quantity.in_words.format(label)}: {', '.join(texts)}"
 
 
@@ -206,7 +214,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     label of the noise.
     """
     case, protocol = settings["case"], settings["protocol"]
-    figure, ((axes,),) = parts.panels(3.7, width=SINGLE)
+    figure, ((axes,),) = parts.panels(3.7, width=SINGLE_COLUMN)
     errors = _tabulate_errors(table, peers, case, protocol)
     if errors.empty:
         parts.write_reason(axes, "no noisy recordings of this line have coefficient errors")
@@ -214,21 +222,21 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     places = parts.LogAxis.of(errors["level"])
     places.prepare(axes, settings["label"])
     prefixes = {PAPER_METHOD: "", best_of_pysindy(errors) or "": "best of pysindy: ",
-            ORACLES: "pysindy, ", MAIN_METHOD: "ours: ", BOUND: ""}  # fmt: skip
+            ORACLE_STYLE: "pysindy, ", MAIN_METHOD: "ours: ", BOUND: ""}  # fmt: skip
     present = set(errors["method"])
     names = {k: text + method_style(k).label for k, text in prefixes.items() if k in present}
     shown = errors[errors["method"].isin(names)]
     values = shown[["median", "low", "high"]].to_numpy(float).ravel()
     values = values[np.isfinite(values) & (values > 0)]
     # at most ten times 100 %, the error of a model without terms
-    limits = (values.min() / 2, min(values.max() * 2, 1e3)) if values.size else DECADES
+    limits = (values.min() / 2, min(values.max() * 2, 1e3)) if values.size else DEFAULT_LIMITS
     parts.prepare_log(axes, limits, "mean error of the coefficients, %")
     bound = errors[errors["method"] == BOUND]
     if len(bound) > 1:
         x = [places.position(level) for level in bound["level"]]
         axes.fill_between(x, limits[0], bound["median"], color=SHADE, lw=0, zorder=0)
         axes.text(x[-1] / 1.05, limits[0] * 1.35, "below the Cramér-Rao bound", ha="right",
-                  fontsize="small", color=QUIET)  # fmt: skip
+                  fontsize="small", color=DARK_GREY)  # fmt: skip
     shift = parts.shifts(list(names), 0.03)
     for method in names:
         line = errors[errors["method"] == method]
@@ -250,7 +258,7 @@ def _compare_methods(errors: pd.DataFrame, names: Mapping[str, str]) -> str:
     levels = np.unique(errors["level"])
     middle = levels[(len(levels) - 1) // 2]
     medians = errors[errors["level"] == middle].set_index("method")["median"]
-    shown = [name for name in names if name not in (BOUND, ORACLES)]
+    shown = [name for name in names if name not in (BOUND, ORACLE_STYLE)]
     medians = medians.reindex(shown).dropna().sort_values(kind="stable")
     if medians.empty:
         return ""
@@ -283,10 +291,10 @@ def beaten_at(table: pd.DataFrame) -> str:
     Returned is a text, '' if there is no such level.
     """
     medians = table.pivot_table(index="level", columns="method", values="median")
-    if not {ORACLES, MAIN_METHOD} <= set(medians):
+    if not {ORACLE_STYLE, MAIN_METHOD} <= set(medians):
         return ""
     return ", ".join(
-        f"{level:g}" for level in medians.index[medians[ORACLES] < medians[MAIN_METHOD]]
+        f"{level:g}" for level in medians.index[medians[ORACLE_STYLE] < medians[MAIN_METHOD]]
     )
 
 
@@ -314,5 +322,5 @@ def _tabulate_errors(
         return errors
     least = others.groupby("level")["mean_error_percent"].min()
     columns = dict.fromkeys(("median", "low", "high"), least)
-    oracle = pd.DataFrame(columns).reset_index().assign(method=ORACLES, failures=0)
+    oracle = pd.DataFrame(columns).reset_index().assign(method=ORACLE_STYLE, failures=0)
     return pd.concat([errors, oracle])

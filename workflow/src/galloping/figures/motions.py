@@ -15,9 +15,9 @@ from galloping.line.galerkin import make_line_and_modes
 from galloping.recording.measurement import Motion
 from galloping.results import Reconstruction
 
-LAST = 0.1  # share of the record that is shown, at its end
-HEADROOM = 1.5  # limit of the axis over the true amplitude
-ROW = 0.68  # inches
+SHOWN_SHARE = 0.1  # share of a record that is plotted, at its end
+AXIS_RATIO = 1.5  # limit of the axis over the true amplitude
+ROW_HEIGHT = 0.68  # inches
 TRUE_LINE: dict[str, Any] = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
 MODEL_LINE: dict[str, Any] = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
 CASE_DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
@@ -35,7 +35,7 @@ def draw_recovery(
     the lowest level. settings: cases, protocol, method and level.
     """
     cases, method = settings["cases"], settings["method"]
-    figure, grid = parts.panels(2.8, 3, width=style.SINGLE, height_ratios=(1, 1, 1.3))
+    figure, grid = parts.panels(2.8, 3, width=style.SINGLE_COLUMN, height_ratios=(1, 1, 1.3))
     *upper, lower = grid[:, 0]
     true, motion = trajectories[cases[0]][0], reconstructions[cases[0]][method]
     span = _last_window(true)
@@ -65,7 +65,7 @@ def draw_recovery(
 
 def _last_window(true: Motion) -> tuple[float, float]:
     begin, end = true.time[0], true.time[-1]
-    return end - LAST * (end - begin), end
+    return end - SHOWN_SHARE * (end - begin), end
 
 
 def _largest_distance(true: Motion, motion: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
@@ -95,8 +95,9 @@ def draw_histories(
     if not cells:
         return parts.make_empty_figure("nothing to show: this study has no such recordings")
     figure, grid = parts.panels(
-        0.8 + ROW * len(cells), len(cells), width=style.SINGLE, sharex=True, sharey=True
-    )
+        0.8 + ROW_HEIGHT * len(cells), len(cells), width=style.SINGLE_COLUMN,
+        sharex=True, sharey=True,
+    )  # fmt: skip
     spreads = {}
     for k, ((cell, label), axes) in enumerate(zip(cells.items(), grid[:, 0], strict=True)):
         spread = _draw_history(axes, true, reconstructions[cell][settings["method"]])
@@ -124,14 +125,15 @@ def _draw_history(axes: Axes, true: Motion, motion: Reconstruction) -> float:
     axes.plot(true.time[inside], states, **TRUE_LINE, label="true")
     axes.plot(time, middle, **MODEL_LINE, label="realisation with the median $R^2$")
     centre, half = (states.max() + states.min()) / 2, np.ptp(states) / 2
-    axes.set(xlim=span, ylim=(centre - HEADROOM * half, centre + HEADROOM * half))
+    axes.set(xlim=span, ylim=(centre - AXIS_RATIO * half, centre + AXIS_RATIO * half))
     return float(np.mean(high - low) / (2 * half))
 
 
 STATES = {"v": "q_v", "w": "q_w"}
-AMPLITUDES = {"v": "vertical_amplitude", "w": "horizontal_amplitude"}  # stems of columns, in m
-SMALL = 0.35  # velocity over wind speed, 20 degrees: the model's load is that of small angles
-HIGHEST = 6.0  # m: larger motions, a sag or more, are drawn alike in the map
+AMPLITUDES = {"v": "vertical_amplitude", "w": "horizontal_amplitude"}  # stems of columns, m
+# velocity over wind speed, an attack angle of 20 degrees: limit of the load for small angles
+MAX_VELOCITY_RATIO = 0.35
+MAX_MAP_AMPLITUDE = 6.0  # m: upper end of the color scale of the map, about a sag
 MARKS = {
     "Hopf": "o",
     "fold of cycles": "D",
@@ -185,7 +187,7 @@ def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
     low, high = panels[0].get_ylim()  # all panels share it
     for axes, mode in zip(panels, make_line_and_modes(case)[1:], strict=False):
         wind = np.array(axes.get_xlim())
-        small = np.minimum(SMALL * wind / mode.frequency, high)  # frequency: rad/s
+        small = np.minimum(MAX_VELOCITY_RATIO * wind / mode.frequency, high)  # frequency: rad/s
         axes.fill_between(wind, small, high, color=style.SHADE, lw=0, zorder=0,
                           label="beyond small angles")  # fmt: skip
         axes.set_ylim(low, high)
@@ -243,8 +245,8 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         amplitude = f"{AMPLITUDES[direction]}_m"
         grid = table.pivot(index="y", columns="x", values=amplitude)
         shown = axes.pcolormesh(
-            grid.columns, grid.index, grid.to_numpy(), cmap="cividis", vmin=0, vmax=HIGHEST,
-            shading="nearest", rasterized=True,
+            grid.columns, grid.index, grid.to_numpy(), cmap="cividis", vmin=0,
+            vmax=MAX_MAP_AMPLITUDE, shading="nearest", rasterized=True,
         )  # fmt: skip
         figure.colorbar(shown, ax=axes, label="amplitude, m", pad=0.02, extend="max")
         resonance = axes.contour(ratio.columns, ratio.index, ratio.to_numpy(), levels=[2.0],
@@ -284,7 +286,7 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     own = {name: settings[name] for name in ("case", "protocol", "replicate")}
     chosen = parts.where(table, **own).sort_values("wind_m_s")
     methods = [method for method in (settings["method"], settings.get("peer")) if method]
-    figure, panes = parts.panels(4.0, len(STATES), width=style.SINGLE, sharex=True)
+    figure, panes = parts.panels(4.0, len(STATES), width=style.SINGLE_COLUMN, sharex=True)
     for k, (axes, direction) in enumerate(zip(panes[:, 0], STATES, strict=True)):
         _set_title(axes, k, STATES[direction])
         lines = {m: parts.where(chosen, method=m, direction=direction) for m in methods}

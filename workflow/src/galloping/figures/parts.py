@@ -15,10 +15,18 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator
 from numpy.typing import ArrayLike
 
-from galloping.figures.style import BAND, DOUBLE, FAINT, QUIET, STATE_LABELS, method_style, spoken
+from galloping.figures.style import (
+    BAND,
+    DARK_GREY,
+    DOUBLE_COLUMN,
+    LIGHT_GREY,
+    STATE_LABELS,
+    method_style,
+    spoken,
+)
 
-TALLEST = 40.0  # inches: a PNG of 1,200 px/inch can hardly be taller
-BEYOND = "beyond the axis"  # label of open triangles at a limit
+MAX_FIGURE_HEIGHT = 40.0  # inches: limit for a PNG of 1,200 px/inch
+BEYOND_AXIS = "beyond the axis"  # label of open triangles at an end of an axis
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
@@ -39,11 +47,11 @@ def write_reason(axes: Axes, reason: str) -> None:
     # hidden, not removed: other panels may share the ticks
     axes.tick_params(which="both", bottom=False, left=False, labelbottom=False, labelleft=False)
     axes.spines[:].set_visible(False)
-    axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color=QUIET)
+    axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color=DARK_GREY)
 
 
 def panels(
-    height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: Any
+    height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE_COLUMN, **options: Any
 ) -> tuple[Figure, np.ndarray]:
     """Create a figure with a grid of panels; its width and height are in inches."""
     figure = ShownFigure(figsize=(width, height), layout="constrained")
@@ -80,7 +88,7 @@ def height(head: float, each: float, count: int) -> float:
 
     head: height of all besides the rows. each: height of a row.
     """
-    return head + min(each * count, TALLEST - head)
+    return head + min(each * count, MAX_FIGURE_HEIGHT - head)
 
 
 def case_grids(
@@ -90,7 +98,7 @@ def case_grids(
 
     A case is a line in a wind. head, each: inches, besides the rows and of a row, as in `height`.
     """
-    figure = Figure(figsize=(DOUBLE, height(head, each, len(cases))), layout="constrained")
+    figure = Figure(figsize=(DOUBLE_COLUMN, height(head, each, len(cases))), layout="constrained")
     blocks, grids = figure.subfigures(len(cases), 1, squeeze=False)[:, 0], {}
     for case, block in zip(cases, blocks, strict=True):
         block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
@@ -218,8 +226,8 @@ def points(
     look: dict[str, Any] = {"ls": "", "mec": color, "mew": 0.7, "ms": size, "zorder": 5}
     for chosen, own, face, label in (
         ((up >= limits[0]) & (up <= limits[1]), marker, color, None),
-        (up < limits[0], "v", "white", BEYOND),
-        (up > limits[1], "^", "white", BEYOND),
+        (up < limits[0], "v", "white", BEYOND_AXIS),
+        (up > limits[1], "^", "white", BEYOND_AXIS),
     ):
         if chosen.any():
             clipped = np.clip(up[chosen], *limits)
@@ -246,7 +254,7 @@ def rows(axes: Axes, labels: Sequence[str], lines: bool = True) -> None:
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(labels) - 0.5, -0.5)
     for k in range(1, len(labels) if lines else 0):
-        axes.axhline(k - 0.5, color=FAINT, lw=0.6, zorder=0.5)
+        axes.axhline(k - 0.5, color=LIGHT_GREY, lw=0.6, zorder=0.5)
 
 
 def dot(
@@ -264,7 +272,7 @@ def dot(
     axes.plot(
         median, y, ls="", marker=head or marker, ms=size, mec=color, mew=0.7, zorder=4,
         mfc="white" if head else color, clip_on=not head,
-        label=BEYOND if head else None,
+        label=BEYOND_AXIS if head else None,
     )  # fmt: skip
 
 
@@ -330,8 +338,8 @@ def legend(
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
-    if named.pop(BEYOND, None):
-        named[BEYOND] = key(BEYOND, marker="v", mfc="white", mec="k", mew=0.7)
+    if named.pop(BEYOND_AXIS, None):
+        named[BEYOND_AXIS] = key(BEYOND_AXIS, marker="v", mfc="white", mec="k", mew=0.7)
     look: dict[str, Any] = {"loc": loc, "columnspacing": 1.4, "handlelength": 2.4} | options
     if named:
         handles: list[Any] = list(named.values())

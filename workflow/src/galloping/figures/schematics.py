@@ -11,19 +11,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
 
 from galloping.figures import parts
-from galloping.figures.style import BAND, MODEL, PAPER, SINGLE, TRUE, spoken
+from galloping.figures.style import BAND, MODEL, PAPER, SINGLE_COLUMN, TRUE, spoken
 from galloping.line.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
 from galloping.recording.measurement import Motion
 
 ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"
-HEIGHT = 3.0
-ELEVATION = (0.16, 0.56, 0.82, 0.37)  # of the figure: left, bottom, width, height
-SECTION = (0.1, 0.0, 0.8, 0.34)
-# the flow chart's unit is the inch
-CHART, BOX = 2.7, (0.98, 0.62)
-COLUMNS, ROWS = (0.52, 1.67, 2.82), (2.36, 1.4, 0.34)
-PATH = [(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1), (0, 2), (1, 2), (2, 2)]  # column, row
-COLORS = ("#e6e6e6", "#fdf1d8", "#d6e6f2")  # truth, data, identified model
+LINE_HEIGHT = 3.0  # inches: height of the figure of the line
+ELEVATION_BOX = (0.16, 0.56, 0.82, 0.37)  # left, bottom, width, height, in shares of the figure
+SECTION_BOX = (0.1, 0.0, 0.8, 0.34)
+# flow chart, inches: height of the figure; width and height of a box; centres of the boxes
+CHART_HEIGHT, BOX_SIZE = 2.7, (0.98, 0.62)
+COLUMN_CENTRES, ROW_CENTRES = (0.52, 1.67, 2.82), (2.36, 1.4, 0.34)
+BOX_ORDER = [(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1), (0, 2), (1, 2), (2, 2)]  # column, row
+STAGE_COLORS = ("#e6e6e6", "#fdf1d8", "#d6e6f2")  # truth, data, identified model
 
 
 def iced_conductor(axes: Axes, x: float, y: float, radius: float) -> None:
@@ -60,11 +60,11 @@ def draw_line(model: Derived, settings: Mapping) -> Figure:
     from the line. settings: case, its name; line, its parameters.
     """
     case = settings["line"]
-    figure = Figure(figsize=(SINGLE, HEIGHT))
+    figure = Figure(figsize=(SINGLE_COLUMN, LINE_HEIGHT))
     ratio = model.quantities["omega_v_rad_s"] / model.quantities["omega_w_rad_s"]
     figure.set_label(f"The vertical natural frequency is {ratio:.2f} times the horizontal one")
-    _draw_elevation(figure.add_axes(ELEVATION), case, model.quantities, settings["case"])
-    _draw_section(figure.add_axes(SECTION), case["bundle"]["subconductors"])
+    _draw_elevation(figure.add_axes(ELEVATION_BOX), case, model.quantities, settings["case"])
+    _draw_section(figure.add_axes(SECTION_BOX), case["bundle"]["subconductors"])
     return figure
 
 
@@ -74,7 +74,7 @@ def _draw_elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> N
     axes.set(xlim=(left, right), ylim=(low, high), yticks=sorted({0.0, -round(sag, 2)}),
              xlabel="distance from the left support, m",
              ylabel="height, m")  # fmt: skip
-    width, height = SINGLE * ELEVATION[2], HEIGHT * ELEVATION[3]
+    width, height = SINGLE_COLUMN * ELEVATION_BOX[2], LINE_HEIGHT * ELEVATION_BOX[3]
     exaggeration = (height / (high - low)) / (width / (right - left))
     parts.letter(axes, 0, f"{spoken(name)}; heights × {exaggeration:.3g}")
 
@@ -152,7 +152,7 @@ def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Fi
     velocity = motion.states[:, motion.names.index("dq_v")]
     if motion.status != "ok":
         velocity = np.zeros(1)  # of a line that diverges no angle is shown
-    figure = Figure(figsize=(SINGLE, 2.85), layout="constrained")
+    figure = Figure(figsize=(SINGLE_COLUMN, 2.85), layout="constrained")
     halves: Any = figure.subfigures(2, 1, height_ratios=(1.2, 1))
     above, below = halves
     _draw_vectors(above.subplots())
@@ -213,37 +213,37 @@ def draw_flow(settings: Mapping) -> Figure:
     The boxes are in reading order. settings: degree of the library, methods; least and greatest of
     the noise levels and of the points of the subsets.
     """
-    figure = Figure(figsize=(SINGLE, CHART))
+    figure = Figure(figsize=(SINGLE_COLUMN, CHART_HEIGHT))
     axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(0, SINGLE), ylim=(0, CHART))
+    axes.set(xlim=(0, SINGLE_COLUMN), ylim=(0, CHART_HEIGHT))
     axes.axis("off")
-    width, height = BOX
-    for (column, row), (title, text) in zip(PATH, _describe_boxes(settings), strict=True):
-        x, y = COLUMNS[column], ROWS[row]
+    width, height = BOX_SIZE
+    for (column, row), (title, text) in zip(BOX_ORDER, _describe_boxes(settings), strict=True):
+        x, y = COLUMN_CENTRES[column], ROW_CENTRES[row]
         axes.add_patch(FancyBboxPatch(
-            (x - width / 2, y - height / 2), width, height, facecolor=COLORS[row], edgecolor=INK,
-            boxstyle="round,pad=0,rounding_size=0.07", lw=0.8,
+            (x - width / 2, y - height / 2), width, height, facecolor=STAGE_COLORS[row],
+            edgecolor=INK, boxstyle="round,pad=0,rounding_size=0.07", lw=0.8,
         ))  # fmt: skip
         top = y + height / 2
         _add_texts(axes, (x, top - 0.07, title, "center", "top"), weight="bold")
         _add_texts(axes, (x, top - 0.24, text, "center", "top"), fontsize="small")
-    for (column, row), (next_column, next_row) in pairwise(PATH):
+    for (column, row), (next_column, next_row) in pairwise(BOX_ORDER):
         x, y = (next_column - column) * width / 2, (next_row - row) * height / 2
-        arrow(axes, (COLUMNS[column] + x, ROWS[row] - y),
-              (COLUMNS[next_column] - x, ROWS[next_row] + y))  # fmt: skip
+        arrow(axes, (COLUMN_CENTRES[column] + x, ROW_CENTRES[row] - y),
+              (COLUMN_CENTRES[next_column] - x, ROW_CENTRES[next_row] + y))  # fmt: skip
     # the way of the truth around identification, straight into the comparison
-    right, margin = COLUMNS[2] + width / 2, SINGLE - 0.06
-    axes.plot([right, margin, margin], [ROWS[0], ROWS[0], ROWS[2]], color=PAPER, lw=1.0,
-              ls=(0, (4, 2)))  # fmt: skip
-    arrow(axes, (margin, ROWS[2]), (right, ROWS[2]), color=PAPER)
-    where = margin - 0.05, (ROWS[1] + ROWS[2]) / 2
+    right, margin = COLUMN_CENTRES[2] + width / 2, SINGLE_COLUMN - 0.06
+    axes.plot([right, margin, margin], [ROW_CENTRES[0], ROW_CENTRES[0], ROW_CENTRES[2]],
+              color=PAPER, lw=1.0, ls=(0, (4, 2)))  # fmt: skip
+    arrow(axes, (margin, ROW_CENTRES[2]), (right, ROW_CENTRES[2]), color=PAPER)
+    where = margin - 0.05, (ROW_CENTRES[1] + ROW_CENTRES[2]) / 2
     _add_texts(axes, (*where, "the truth", "right", "center"), color=PAPER, fontsize="small")
     figure.set_label("Identification sees the recordings alone")
     return figure
 
 
 def _describe_boxes(settings: Mapping) -> list[tuple[str, str]]:
-    """Return title and text of each box, in the order of `PATH`."""
+    """Return title and text of each box, in the order of `BOX_ORDER`."""
     degree = settings["degree"]
     candidates = comb(len(STATES) + degree, degree)
     noise = " to ".join(f"{level:g}" for level in dict.fromkeys(settings["levels"]))

@@ -18,30 +18,32 @@ from matplotlib.figure import Figure
 from galloping.results import BOUND
 from galloping.storage import replacing
 
-SINGLE, DOUBLE = 3.5, 7.2  # inches: one and two columns of a paper
+SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.2  # inches: widths of one and two columns of a paper
 
-TRUE = "#9a9a9a"  # the true motion: a broad grey line under the reconstructed one
+TRUE = "#9a9a9a"  # color of the true motion, a broad line below the reconstructed motion
 MODEL = "#11115a"
 BAND = "#f2c46d"
-PAPER = "#b30000"  # what the paper prints
-SHADE, FAINT, QUIET = "#ececec", "#e4e4e4", "#5f5f5f"  # grounds, lines between rows, side notes
+PAPER = "#b30000"  # color of numbers printed in the paper
+SHADE = "#ececec"  # color of shaded areas
+LIGHT_GREY = "#e4e4e4"  # color of lines between rows
+DARK_GREY = "#5f5f5f"  # color of side notes
 
-# Colour and marker of series that are no methods, such as noise levels.
+# colors and markers of series that are not methods, such as noise levels
 SERIES = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P"), ("#8a1c3b", "X"))
 
 STATE_LABELS = {"q_v": "$q_v$", "q_w": "$q_w$"}
 DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
 
-# without date and version of the library; a PNG is compressed less, in half the time
-WRITTEN: dict[str, dict[str, Any]] = {
+# options of savefig by format: no date and no version; low compression halves the time of a PNG
+SAVE_OPTIONS: dict[str, dict[str, Any]] = {
     "svg": {"metadata": {"Date": None, "Creator": None}},
     "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 3}},
 }
 
-LOOK = Path(__file__).with_name("figure.mplstyle")
-PATHS = re.compile(r' d="[^"]*"')  # of an SVG
-DIGITS = re.compile(r"(\d\.\d)\d+")  # of coordinates: all beyond a tenth of a point is cut
-BLANKS = re.compile(r"(?<=\d)\s+([LCQz])|(?<=[MLCQ]) ")  # around the commands of a path
+STYLE_FILE = Path(__file__).with_name("figure.mplstyle")
+SVG_PATHS = re.compile(r' d="[^"]*"')
+SURPLUS_DIGITS = re.compile(r"(\d\.\d)\d+")  # digits of coordinates below a tenth of a point
+SURPLUS_BLANKS = re.compile(r"(?<=\d)\s+([LCQz])|(?<=[MLCQ]) ")  # around the commands of a path
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,8 @@ METHODS = {
     "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
     BOUND: MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
-# styles of other methods, selected by their name; no triangles and no star, which mark values
-# beyond the axis and values of the paper
+# styles of other methods, selected by their name; triangles mark values beyond the axis, and stars
+# values of the paper
 _COLORS = ("#5f5f5f", "#a6611a", "#17a2a8")
 _MARKERS = ("h", "8", "+", "x")
 _LINES = ((0, (3, 1)), (0, (9, 3)), (0, (1, 1)))
@@ -104,7 +106,7 @@ def styled(font_size: float) -> Iterator[None]:
     """Apply the project's matplotlib style in a `with` block, without the user's own settings."""
     labels = ("legend.fontsize", "xtick.labelsize", "ytick.labelsize")
     sizes = {"font.size": font_size, **dict.fromkeys(labels, 0.85 * font_size)}
-    with matplotlib.style.context(["default", LOOK, sizes]):
+    with matplotlib.style.context(["default", STYLE_FILE, sizes]):
         yield
 
 
@@ -128,7 +130,7 @@ def write_figure(
             layout.execute(figure)  # once, without drawing, for both files
             figure.set_layout_engine(None)
         for path, form in ((svg, "svg"), (png, "png")):
-            options = WRITTEN[form]
+            options = SAVE_OPTIONS[form]
             metadata = options["metadata"] | ({"Title": title} if title else {})
             with replacing(path) as partial:
                 figure.savefig(partial, format=form, dpi=dpi, **options | {"metadata": metadata})
@@ -139,5 +141,7 @@ def write_figure(
 def _shorten_paths(svg: Path) -> None:
     """Shorten the paths of an SVG in place, to a tenth of a point (720 dpi)."""
     text = re.sub(r"\n +(?=<)", "\n", svg.read_text(encoding="utf-8"))
-    text = PATHS.sub(lambda path: BLANKS.sub(r"\1", DIGITS.sub(r"\1", path[0])), text)
+    text = SVG_PATHS.sub(
+        lambda path: SURPLUS_BLANKS.sub(r"\1", SURPLUS_DIGITS.sub(r"\1", path[0])), text
+    )
     svg.write_text(text, encoding="utf-8")

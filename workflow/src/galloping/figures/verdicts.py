@@ -14,34 +14,34 @@ from matplotlib.patches import Patch
 
 from galloping.configuration.kinds import GAMMAS
 from galloping.figures import parts
-from galloping.figures.style import MODEL, QUIET, SERIES, SHADE, method_style, spoken
+from galloping.figures.style import DARK_GREY, MODEL, SERIES, SHADE, method_style, spoken
 from galloping.results import MAIN_METHOD
 from galloping.tables.trial_summaries import METHODS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")
-WHOLE: dict[str, Any] = {
+WHOLE_STYLE: dict[str, Any] = {
     "facecolor": "white",
-    "edgecolor": QUIET,
+    "edgecolor": DARK_GREY,
     "linewidth": 0.7,
     "hatch": "////",
 }
-OTHERS: dict[str, dict[str, Any]] = {  # published methods
+PEER_STYLES: dict[str, dict[str, Any]] = {  # styles of published methods
     "odr_bindy": {"color": "#000000", "ls": "--", "marker": "s", "ms": 2.5},
     "jsindy": {"color": "#1f78b4", "ls": ":", "marker": "D", "ms": 2.5},
     "ensemble_weak_sindy": {"color": "#e69f00", "ls": "-.", "marker": "P", "ms": 2.5},
 }
-NOMINAL: dict[str, Any] = {"color": "#8a8a8a", "lw": 0.8, "ls": ":"}
-ERRORS = {
+NOMINAL_STYLE: dict[str, Any] = {"color": "#8a8a8a", "lw": 0.8, "ls": ":"}
+ERROR_LABELS = {
     "frequency_v": "frequency, vertical",
     "amplitude_v": "amplitude, vertical",
     "amplitude_w": "amplitude, horizontal",
     "damping_v": "net damping, vertical",
     "damping_w": "net damping, horizontal",
 }
-LIMITS = (3e-3, 300.0)  # percent
-DOUBTFUL = 30.0  # percent: larger errors are shaded
-WITHOUT_OURS = f"these trials are without {method_style(MAIN_METHOD).label}"
-HEIGHT = 0.62  # of a row, shared by the methods
+ERROR_LIMITS = (3e-3, 300.0)  # percent: limits of the axis
+MIN_SHADED_ERROR = 30.0  # percent: the axis is shaded above
+MISSING_METHOD = f"these trials are without {method_style(MAIN_METHOD).label}"
+ROW_HEIGHT = 0.62  # height shared by the methods of a row, in spacings of the rows
 
 
 def draw_trust(table: pd.DataFrame) -> Figure:
@@ -57,7 +57,7 @@ def draw_trust(table: pd.DataFrame) -> Figure:
         of_status = fits.groupby("status")["right"].agg(["size", "sum"])
         of_status = of_status.reindex(STATUSES, fill_value=0).set_axis(["all", "right"], axis=1)
         places, shares = np.arange(len(STATUSES)), 100.0 / len(fits) * of_status.astype(float)
-        axes.barh(places, shares["all"], height=0.6, **WHOLE)
+        axes.barh(places, shares["all"], height=0.6, **WHOLE_STYLE)
         axes.barh(places, shares["right"], height=0.6, color=MODEL)
         for place, row in zip(places.tolist(), of_status.itertuples(), strict=True):
             text = f"{row.right:d} of {row.all}" if row.all else "none"
@@ -68,7 +68,9 @@ def draw_trust(table: pd.DataFrame) -> Figure:
     for axes in grid[-2:]:
         axes.set_xlabel("share of the fits, %")
     right = Patch(facecolor=MODEL, label="right")
-    parts.legend(figure, right, Patch(label="ok and wrong, or a doubt without reason", **WHOLE))
+    parts.legend(
+        figure, right, Patch(label="ok and wrong, or a doubt without reason", **WHOLE_STYLE)
+    )
     sure = table[table["status"] == "ok"]
     figure.set_label(
         f"{sure['right'].sum():,} of {len(sure):,} models with the status ok are right"
@@ -95,15 +97,15 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
     """
     table, style = table[table["method"] == MAIN_METHOD], method_style(MAIN_METHOD)
     if table.empty:
-        return parts.make_empty_figure(WITHOUT_OURS)
+        return parts.make_empty_figure(MISSING_METHOD)
     exact = "share_exact_support"
-    shares = ["level", exact, f"{exact}_low", f"{exact}_high", *OTHERS]
+    shares = ["level", exact, f"{exact}_low", f"{exact}_high", *PEER_STYLES]
     table = table.assign(**100.0 * table[shares])
     cells = list(table.groupby(["system", "duration"], sort=True))
     figure, grid = parts.wrapped_grid(len(cells), 4, 0.7 + 1.6 * -(-len(cells) // 4))
     for k, (axes, ((system, duration), group)) in enumerate(zip(grid, cells, strict=True)):
         parts.letter(axes, k, f"{spoken(system)}, {duration:g} s")
-        for name, look in OTHERS.items():
+        for name, look in PEER_STYLES.items():
             if group[name].notna().any():
                 axes.plot(group["level"], group[name], **look, label=METHODS[name])
         parts.band(axes, group["level"], group[f"{exact}_low"], group[f"{exact}_high"], None,
@@ -114,7 +116,7 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
         axes.set_xlabel("noise, %")
     ours = parts.key(style.label, color=style.color, marker=style.marker, ms=4, ls="-")
     parts.legend(figure, ours)
-    others = table[list(OTHERS)].max(axis=1).dropna()
+    others = table[list(PEER_STYLES)].max(axis=1).dropna()
     ahead = (table.loc[others.index, exact] >= others).sum()
     figure.set_label(
         f"Exact terms at least as often as the best published method in {ahead} of {len(others)} "
@@ -130,7 +132,7 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     """
     table = table[table["method"] == MAIN_METHOD]
     if table.empty:
-        return parts.make_empty_figure(WITHOUT_OURS)
+        return parts.make_empty_figure(MISSING_METHOD)
     found = "share_with_term"
     shares = [found, f"{found}_low", f"{found}_high", f"{found}_published", "coverage"]
     table = table.assign(gamma=table["case"].map(GAMMAS), **100.0 * table[shares])
@@ -147,8 +149,8 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
         left.errorbar(gamma, power, np.maximum(spread, 0.0), **look)
         left.plot(gamma, group[f"{found}_published"], mec=color, **open_circle)
         right.plot(gamma, group["coverage"], label=f"{samples:,} samples", **look)
-    left.axhline(5.0, **NOMINAL)
-    right.axhline(95.0, **NOMINAL, label="nominal")
+    left.axhline(5.0, **NOMINAL_STYLE)
+    right.axhline(95.0, **NOMINAL_STYLE, label="nominal")
     left.set(ylim=(-3, 103), xlabel="quadratic coefficient", ylabel="share of the fits, %")
     right.set(ylim=(min(78.0, table["coverage"].min() - 2.0), 101), xlabel="quadratic coefficient")
     right.plot([], [], mec="k", label="published power", **open_circle)
@@ -174,22 +176,26 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
     methods = sorted(table["method"].unique(), key=lambda method: method != MAIN_METHOD)
     figure, grid = parts.panels(1.3 + 0.8 * len(lines), 2, 3, sharey=True)
     *panels, answers = grid.ravel()
-    step = HEIGHT / max(len(methods) - 1, 1)
+    step = ROW_HEIGHT / max(len(methods) - 1, 1)
     rows = table.assign(place=[
-        lines.index((row.truth, row.sensors)) - HEIGHT / 2 + step * methods.index(row.method)
+        lines.index((row.truth, row.sensors)) - ROW_HEIGHT / 2 + step * methods.index(row.method)
         for row in table.itertuples()
     ]).to_dict("records")  # fmt: skip
-    for k, (axes, (quantity, label)) in enumerate(zip(panels, ERRORS.items(), strict=True)):
+    for k, (axes, (quantity, label)) in enumerate(zip(panels, ERROR_LABELS.items(), strict=True)):
         parts.letter(axes, k, label)
         axes.set_xscale("log")
-        axes.set(xlim=LIMITS, xlabel="error, %")
-        axes.axvspan(DOUBTFUL, LIMITS[1], color=SHADE, lw=0, zorder=0)
+        axes.set(xlim=ERROR_LIMITS, xlabel="error, %")
+        axes.axvspan(MIN_SHADED_ERROR, ERROR_LIMITS[1], color=SHADE, lw=0, zorder=0)
         for row in rows:
             median, worst = row[f"{quantity}_error_percent"], row[f"{quantity}_worst_percent"]
             if np.isfinite(median) or np.isposinf(median):
                 style, size = method_style(row["method"]), parts.line_look(row["method"])
-                at = max(median, LIMITS[0]), median, worst  # smaller errors are drawn at the edge
-                parts.dot(axes, row["place"], at, LIMITS, style.color, style.marker,
+                at = (
+                    max(median, ERROR_LIMITS[0]),
+                    median,
+                    worst,
+                )  # smaller errors are drawn at the edge
+                parts.dot(axes, row["place"], at, ERROR_LIMITS, style.color, style.marker,
                           size["markersize"])  # fmt: skip
     parts.letter(answers, len(panels), "answered; terms")
     answers.set(xlim=(0, len(methods)), xticks=[])
@@ -202,7 +208,9 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
     for axes in (*panels, answers):
         parts.rows(axes, [name.replace(", ", ",\n") for name in names])
     parts.legend(figure, *parts.method_keys(methods), columns=len(methods) + 1)
-    errors = table.loc[table["method"] == methods[0], [f"{name}_error_percent" for name in ERRORS]]
+    errors = table.loc[
+        table["method"] == methods[0], [f"{name}_error_percent" for name in ERROR_LABELS]
+    ]
     frequency, *_, damping, _ = errors.median()
     result = "gives no vertical frequency and net damping of most lines"
     if np.isfinite([frequency, damping]).all():
