@@ -102,7 +102,7 @@ def test_one_realisation_of_noise_is_not_enough(kind, value):
 def test_with_one_realisation_only_what_has_no_noise_is_judged():
     table = tables(scores(draws=1))
     judged = table[table["role"].isin(("counted", "joint"))].set_index("claim")["verdict"]
-    held = judged[judged.isin(paper_claims.HELD)]
+    held = judged[judged.isin(paper_claims.HELD_VERDICTS)]
     assert list(held.index) == ["exact structure without noise", "exact parameters without noise"]
     assert {"undecided"} == set(judged.drop(held.index))
     (noiseless,) = report.build_table(table)["exact structure without noise"]
@@ -133,7 +133,7 @@ def test_paper_csv_has_a_row_for_each_sentence_and_the_joint_shares():
     joint = table[table["role"] == "joint"]
     assert len(joint) == 2 and set(joint["share_met"]) <= {0.0, 1.0}
     beyond = table[table["role"] == "beyond"]
-    assert len(beyond) == len(paper_claims.BEYOND_JUDGEMENT) > 5
+    assert len(beyond) == len(paper_claims.UNJUDGED_CLAIMS) > 5
     assert beyond["reason"].str.len().min() > 10
     table = table.set_index("claim")
     row = table.loc["mean error of linear terms at noise 0.05"]
@@ -200,7 +200,7 @@ def test_the_first_screen_counts_and_lists_them():
     table = tables(scores())
     counted = table[table["role"] == "counted"]
     held = (
-        counted.assign(held=counted["verdict"].isin(paper_claims.HELD))
+        counted.assign(held=counted["verdict"].isin(paper_claims.HELD_VERDICTS))
         .groupby("statement")["held"]
         .all()
     )
@@ -215,7 +215,7 @@ def test_the_first_screen_counts_and_lists_them():
     failed = table["verdict"].isin(("worse", "better", "undecided", "seldom met", "not met"))
     assert (
         len(report.describe_failures(table))
-        == (failed & ~table["verdict"].isin(paper_claims.HELD)).sum()
+        == (failed & ~table["verdict"].isin(paper_claims.HELD_VERDICTS)).sum()
     )
     drawn(lambda: draw_printed(table, {"case": CASE}))
 

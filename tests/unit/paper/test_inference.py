@@ -17,7 +17,13 @@ from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import fit_normalised, fit_raw
 from galloping.model.polynomial import polynomial_library
 from galloping.paper import agreement, draws, unknowns
-from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, cell_of, log_likelihoods
+from galloping.paper.agreement import (
+    CLAIM_GROUPS,
+    NUMBER_CLAIMS,
+    PRINTED_CLAIMS,
+    cell_of,
+    log_likelihoods,
+)
 from galloping.paper.draws import Amounts
 from galloping.paper.quick import QuickStudy, identify_coefficients
 from galloping.paper.unknowns import FIRST_READING
@@ -45,7 +51,7 @@ def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
         fit = fit_raw if columns == "raw" else fit_normalised
         problem = reduced if columns == "raw" else Regressions(reduced)
-        model = fit(problem, threshold=threshold, path_length=draws.PATH_LENGTH).model
+        model = fit(problem, threshold=threshold, path_length=draws.N_THRESHOLDS).model
         np.testing.assert_allclose(found, model.coefficients, rtol=1e-6, atol=1e-9)
 
 
@@ -71,7 +77,7 @@ def draw_values(values, count, rng):
     motion, line = draws.line_motion(FIRST_READING.case_at(values, RESONANT), 300, 100)
     study = QuickStudy(motion, line, paper_inference.AMOUNTS)
     method = FIRST_READING.method_at(values)
-    scores = study.draw_scores(method, count, rng, unmoved_levels=agreement.UNMOVED_LEVELS)
+    scores = study.draw_scores(method, count, rng, unmoved_levels=agreement.UNSIMULATED_LEVELS)
     return agreement.scores_by_claim(scores)
 
 
@@ -79,7 +85,7 @@ def test_a_study_is_more_probable_at_its_own_setting():
     """One draw's numbers single out the right setting among other winds and thresholds."""
     rng = np.random.default_rng(5)
     printed = draw_values(KNOWN, 1, rng)
-    claims = [replace(c, printed=printed[c.name][0]) if c.is_number else c for c in PRINTED]
+    claims = [replace(c, printed=printed[c.name][0]) if c.is_number else c for c in PRINTED_CLAIMS]
     claims = [c for c in claims if c.is_number or c.is_met(printed[c.name])[0]]
     settings = KNOWN, {**KNOWN, "threshold": 0.0004}, {**KNOWN, "wind_speed": 12.0}
     found = [
@@ -91,8 +97,8 @@ def test_a_study_is_more_probable_at_its_own_setting():
 
 def as_printed(draws_=2):
     """Values of draws that have what the paper prints, by claim."""
-    values = {c.name: np.full(draws_, c.printed if c.is_number else 0.0) for c in PRINTED}
-    better = {c.name: np.full(draws_, 1.0) for c in PRINTED if c.kind == "at_least"}
+    values = {c.name: np.full(draws_, c.printed if c.is_number else 0.0) for c in PRINTED_CLAIMS}
+    better = {c.name: np.full(draws_, 1.0) for c in PRINTED_CLAIMS if c.kind == "at_least"}
     return values | better
 
 
@@ -116,9 +122,9 @@ def test_false_terms_count_the_more_the_more_there_are():
 
 
 def test_every_claim_with_noise_belongs_to_a_cell_and_to_a_group():
-    assert {cell_of(claim) for claim in PRINTED} == set(agreement.CELLS)
-    assert {agreement.group_of(claim) for claim in PRINTED} == set(GROUPS)
-    assert len(NUMBERS) == 10
+    assert {cell_of(claim) for claim in PRINTED_CLAIMS} == set(agreement.CELLS)
+    assert {agreement.group_of(claim) for claim in PRINTED_CLAIMS} == set(CLAIM_GROUPS)
+    assert len(NUMBER_CLAIMS) == 10
 
 
 def test_importance_sampling_integrates_a_likelihood_that_is_known():
@@ -164,14 +170,14 @@ def test_tables_and_figure(tried):
     assert readings["log10_bayes_factor"].iloc[1] == pytest.approx(-10 / np.log(10))
     assert readings["worst_claims"].iloc[1] == "noise 0.05"
     samples = tables.region_samples(parts)
-    for group in ("all", *GROUPS):
+    for group in ("all", *CLAIM_GROUPS):
         sums = samples.groupby("stage")[f"weight_{group}"].sum()
         np.testing.assert_allclose(sums, 1.0)
     table = tables.region_table(samples, readings).set_index("unknown")
     assert (table.loc[list(unknowns.NAMES), "low"] <= table.loc[list(unknowns.NAMES), "high"]).all()
     assert table.loc["mode shape", "verdict"] == "determined"
     predicted = tables.predictions(samples)
-    assert len(predicted) == len(PRINTED)
+    assert len(predicted) == len(PRINTED_CLAIMS)
     numbers = predicted[predicted["kind"] == "value"]
     assert (numbers["predicted_low"] <= numbers["predicted_high"]).all()
     assert predicted["predicted_share"].between(0, 1).all()

@@ -5,7 +5,7 @@ points at noise 0.05. Cells are independent, so the probability of all that is p
 product of those of the cells. The probability of a cell is the mean over draws of the product of
 
 - a kernel about the printed errors, on a logarithmic scale, with heavy tails;
-- 1 for each printed bound that the draw satisfies, `MISSED` for each one that it misses;
+- 1 for each printed bound that the draw satisfies, `MISSED_WEIGHT` for each one that it misses;
 - exp(-n / tolerance) for n false terms if the paper says in words that there are few.
 
 A statement that compares two noise levels is a factor of its own: the mean of the same weights over
@@ -21,18 +21,18 @@ from galloping.paper.claims import CLAIMS, FEW, Claim
 from galloping.results import NOISE
 
 CASE = "internal_resonance"
-# A draw is near a printed number within a factor of 1.6 (one standard deviation); a tenth of the
-# kernel is three times as wide, so that a single number that is far off does not decide alone.
-WIDTHS, SHARES = np.array([0.5, 1.5]), np.array([0.9, 0.1])
-MISSED = 0.02  # weight of a draw that misses a bound: the author may have rounded or misread
-ERROR_RANGE = 1e-2, 1e4  # percent: errors beyond count as these
-STEADY_CHANGE = 0.01  # standard deviation of the relative change of a motion called steady
+# Mixture of two Gaussian kernels in the logarithm of a realisation over its printed number: the
+# width 0.5 is a factor of 1.6; the wide one limits the influence of a number that is far off.
+KERNEL_WIDTHS, KERNEL_WEIGHTS = np.array([0.5, 1.5]), np.array([0.9, 0.1])
+MISSED_WEIGHT = 0.02  # weight of a realisation that violates a bound: the paper may err
+ERROR_RANGE = 1e-2, 1e4  # percent: errors are clipped to this range
+STEADY_DEVIATION = 0.01  # standard deviation of the relative amplitude change of a steady motion
 
-# What is printed of draws with noise. Bounds that others imply are left to the table of claims.
-PRINTED = tuple(c for c in CLAIMS if c.case == CASE and c.level > 0 and c.is_counted)
-NUMBERS = tuple(claim for claim in PRINTED if claim.is_number)
-# groups of claims that are left out together, by the prefixes of their columns of scores
-GROUPS: dict[str, str | tuple[str, ...]] = {
+# Claims of realisations with noise. Bounds that other claims imply are only in the table of claims.
+PRINTED_CLAIMS = tuple(c for c in CLAIMS if c.case == CASE and c.level > 0 and c.is_counted)
+NUMBER_CLAIMS = tuple(claim for claim in PRINTED_CLAIMS if claim.is_number)
+# prefixes of the columns of scores, by group of claims that are left out together
+CLAIM_GROUPS: dict[str, str | tuple[str, ...]] = {
     "coefficients": "mean_error",
     "amplitudes": "amplitude_error",
     "fits": "r2",
@@ -43,7 +43,7 @@ Cell = tuple[str, float, int | None]
 
 def group_of(claim: Claim) -> str:
     """Return the subject of a claim of the reproduced paper, such as `coefficients`."""
-    return next(name for name, start in GROUPS.items() if claim.column.startswith(start))
+    return next(name for name, start in CLAIM_GROUPS.items() if claim.column.startswith(start))
 
 
 def cell_of(claim: Claim) -> Cell:
@@ -54,10 +54,10 @@ def cell_of(claim: Claim) -> Cell:
     return claim.cell_kind, claim.level, claim.points
 
 
-CELLS = tuple(dict.fromkeys(cell_of(c) for c in PRINTED if c.minus_level is None))
-_SIMULATED = {cell_of(c) for c in PRINTED if group_of(c) in ("amplitudes", "fits")}
-# levels of whole records without a printed claim that needs a simulated motion
-UNMOVED_LEVELS = tuple(cell[1] for cell in CELLS if cell not in _SIMULATED)
+CELLS = tuple(dict.fromkeys(cell_of(c) for c in PRINTED_CLAIMS if c.minus_level is None))
+_SIMULATED = {cell_of(c) for c in PRINTED_CLAIMS if group_of(c) in ("amplitudes", "fits")}
+# noise levels of whole records for which no printed claim needs a simulated motion
+UNSIMULATED_LEVELS = tuple(cell[1] for cell in CELLS if cell not in _SIMULATED)
 
 
 def name_cell(cell: Cell) -> str:
@@ -73,7 +73,7 @@ def scores_by_claim(scores: pd.DataFrame) -> dict[str, np.ndarray]:
     """
     cells = dict(list(scores.groupby(["kind", "level", "points"])))
     values = {}
-    for claim in PRINTED:
+    for claim in PRINTED_CLAIMS:
         parts = [
             cell
             for (kind, level, points), cell in cells.items()
@@ -88,11 +88,11 @@ def scores_by_claim(scores: pd.DataFrame) -> dict[str, np.ndarray]:
 def log_likelihoods(
     values: Mapping[str, np.ndarray],
     left_out: Collection[str] = (),
-    claims: Collection[Claim] = PRINTED,
+    claims: Collection[Claim] = PRINTED_CLAIMS,
 ) -> dict[str, float]:
     """Compute log-likelihoods of the reproduced paper's claims from simulated noise realisations.
 
-    values: of `scores_by_claim`. left_out: names in `GROUPS` of ignored claims. Returns the
+    values: of `scores_by_claim`. left_out: names in `CLAIM_GROUPS` of ignored claims. Returns the
     logarithm of each factor, a probability or, for printed numbers, a density: by cell, and by
     claim if it compares two noise levels.
     """
@@ -118,11 +118,11 @@ def _mean_weight(claims: list[tuple[Claim, np.ndarray]]) -> float:
         elif claim.kind == FEW:
             weights = weights * np.exp(-values / claim.tolerance)
         else:
-            weights = weights * np.where(claim.is_met(values), 1.0, MISSED)
+            weights = weights * np.where(claim.is_met(values), 1.0, MISSED_WEIGHT)
     if offsets:
-        squares = np.sum(np.square(offsets), axis=0)[:, np.newaxis] / WIDTHS**2
-        kernels = np.exp(-squares / 2) / (2 * np.pi * WIDTHS**2) ** (len(offsets) / 2)
-        weights = weights * (kernels @ SHARES)
+        squares = np.sum(np.square(offsets), axis=0)[:, np.newaxis] / KERNEL_WIDTHS**2
+        kernels = np.exp(-squares / 2) / (2 * np.pi * KERNEL_WIDTHS**2) ** (len(offsets) / 2)
+        weights = weights * (kernels @ KERNEL_WEIGHTS)
     return float(np.mean(weights))
 
 
@@ -131,7 +131,7 @@ def log_steadiness(changes: np.ndarray) -> float:
 
     changes: relative changes of the amplitudes between the halves of the steady window.
     """
-    return float(-0.5 * np.sum(np.square(changes / STEADY_CHANGE)))
+    return float(-0.5 * np.sum(np.square(changes / STEADY_DEVIATION)))
 
 
 def effective_number(weights: np.ndarray | pd.Series) -> float:

@@ -146,13 +146,13 @@ def _read_claims() -> tuple[Claim, ...]:
 _ROWS = _read_claims()
 CLAIMS = tuple(claim for claim in _ROWS if claim.kind != BEYOND)
 BY_NAME = {claim.name: claim for claim in CLAIMS}
-BEYOND_JUDGEMENT = tuple(claim for claim in _ROWS if claim.kind == BEYOND)
+UNJUDGED_CLAIMS = tuple(claim for claim in _ROWS if claim.kind == BEYOND)
 
 UNDECIDED = "undecided"
-HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
-HALF = 1 / 2  # of the draws
-SHARES = ("share_met", "share_met_low", "share_met_high")  # columns
-WIDE = 10.0  # an interval whose ends differ by this factor contains nearly any printed error
+HELD_VERDICTS = ("reproduced", "better", "met")  # verdicts of claims that are confirmed
+MAJORITY = 1 / 2  # share of the realisations that decides a verdict
+SHARE_COLUMNS = ("share_met", "share_met_low", "share_met_high")
+MAX_SPREAD = 10.0  # ratio of the ends of an interval; a wider one contains nearly any number
 
 
 def judge(claim: Claim, scores: pd.DataFrame) -> dict:
@@ -166,7 +166,7 @@ def judge(claim: Claim, scores: pd.DataFrame) -> dict:
     """
     values = claim.values(scores)
     if not len(values):
-        numbers = ("median", "low", "high", "ratio", "spread", *SHARES)
+        numbers = ("median", "low", "high", "ratio", "spread", *SHARE_COLUMNS)
         reason = "the study lacks these recordings"
         return dict.fromkeys(numbers) | {"replicates": 0, "verdict": "not run", "reason": reason}
     median, low, high = median_and_interval(values.tolist())
@@ -199,7 +199,7 @@ def share_with_interval(is_met: np.ndarray, is_exact: bool = False) -> dict[str,
     low, high = share, share
     if not is_exact:
         low, high = binomtest(int(np.sum(is_met)), draws).proportion_ci(method="wilson")
-    return dict(zip(SHARES, (share, low, high), strict=True)) | {"replicates": draws}
+    return dict(zip(SHARE_COLUMNS, (share, low, high), strict=True)) | {"replicates": draws}
 
 
 def verdict_of_share(share: Mapping[str, float]) -> str:
@@ -207,16 +207,16 @@ def verdict_of_share(share: Mapping[str, float]) -> str:
 
     share: of `share_with_interval`.
     """
-    if share["share_met_low"] > HALF:
+    if share["share_met_low"] > MAJORITY:
         return "met"
-    if share["share_met_high"] < HALF:
+    if share["share_met_high"] < MAJORITY:
         return "seldom met" if share["share_met"] else "not met"
     return UNDECIDED
 
 
 def _judge_number(claim: Claim, values: np.ndarray, row: dict) -> tuple[str, str]:
     finite, printed = np.mean(np.isfinite(values)), claim.printed
-    if finite < HALF:
+    if finite < MAJORITY:
         return UNDECIDED, f"only {format_percent(finite)} of the realisations give a number"
     paper = f"where the paper errs by {printed:g} %"
     if printed > row["high"]:
@@ -224,7 +224,7 @@ def _judge_number(claim: Claim, values: np.ndarray, row: dict) -> tuple[str, str
     if printed < row["low"]:
         return "worse", f"95 % of the realisations err by more than {row['low']:.3g} %, {paper}"
     text = f"{format_percent(row['share_met'])} of the realisations err less than the paper"
-    if not row["spread"] < WIDE:
+    if not row["spread"] < MAX_SPREAD:
         text += (
             f", but they spread from {row['low']:.2g} to {row['high']:.3g} %: nearly any "
             "printed error would lie inside"
@@ -235,10 +235,10 @@ def _judge_number(claim: Claim, values: np.ndarray, row: dict) -> tuple[str, str
 def _judge_bound(
     claim: Claim, scores: pd.DataFrame, values: np.ndarray, row: dict
 ) -> tuple[str, str]:
-    verdict = UNDECIDED if np.mean(np.isnan(values)) > HALF else verdict_of_share(row)
+    verdict = UNDECIDED if np.mean(np.isnan(values)) > MAJORITY else verdict_of_share(row)
     if claim.is_exact:
         return verdict, "without noise there is a single value"
-    share, low, high = (format_percent(row[name]) for name in SHARES)
+    share, low, high = (format_percent(row[name]) for name in SHARE_COLUMNS)
     text = f"{share} of the realisations ({low} to {high})"
     missed = ~claim.is_met(values)
     if not np.any(missed):

@@ -120,7 +120,8 @@ class DerivativeNoise(_Noise):
         return theta.T @ theta, theta.T @ self.motion.rates[rows]
 
 
-SMOOTHING_WINDOW, SMOOTHING_ORDER = 101, 5  # samples; of Savitzky and Golay's filter
+SMOOTHING_WINDOW = 101  # samples in the window of the Savitzky-Golay filter
+SMOOTHING_ORDER = 5  # order of its polynomial
 
 
 @dataclass(frozen=True)
@@ -184,8 +185,8 @@ NOISES_BY_READING: dict[str, tuple[Callable[..., DerivativeNoise | VelocityNoise
 }  # fmt: skip
 
 
-PATH_LENGTH = 30  # candidate thresholds, if the data choose one
-AT_ONCE = 25  # draws whose motions are kept in memory
+N_THRESHOLDS = 30  # candidate thresholds, if the data choose one
+BATCH_DRAWS = 25  # realisations whose motions are in memory at the same time
 
 
 @dataclass(frozen=True)
@@ -253,8 +254,8 @@ def paper_draws(
     rows = []
     for kind, level, points in amounts.cells:
         numbers = range(draws if level > 0 or kind == SUBSET else 1)
-        for start in range(0, len(numbers), AT_ONCE):
-            part, models = numbers[start : start + AT_ONCE], []
+        for start in range(0, len(numbers), BATCH_DRAWS):
+            part, models = numbers[start : start + BATCH_DRAWS], []
             for draw in part:
                 rng = make_generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
                 try:

@@ -22,16 +22,16 @@ from galloping.model.polynomial import (
     factor_monomials,
     polynomial_library,
 )
-from galloping.paper.draws import NOISES_BY_READING, PATH_LENGTH, Amounts, Products
+from galloping.paper.draws import N_THRESHOLDS, NOISES_BY_READING, Amounts, Products
 from galloping.paper.unknowns import MethodReading
 from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import DISPLACEMENT_COLUMNS, KNOWN, ORDERS
 
-STEP = 5  # samples of a step of the simulation
-LANES = 16  # models that move side by side
-SHARING = 8  # draws that have the samples of a random subset in common
-FAST = {"contract", "reassoc", "nsz"}  # infinities keep their meaning
-FARTHEST = 60.0  # m and m/s, summed: a model that gets there has lost its limit cycle
+STEP_SAMPLES = 5  # samples in a step of the simulation
+LANES = 16  # models simulated side by side
+DRAWS_PER_SUBSET = 8  # realisations that share the samples of a random subset
+FAST_MATH = {"contract", "reassoc", "nsz"}  # numba's options that respect infinities
+MAX_STATE_SUM = 60.0  # sum of absolute states (m, m/s) above which a model has diverged
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class QuickStudy:
         noisy = noise(self.motion, self.terms, channel_scale(self.motion, method.relative)[scale])
         cells, models = self.amounts.cells, []
         for _, level, points in cells:
-            shared = count if points >= len(self.motion.time) else SHARING
+            shared = count if points >= len(self.motion.time) else DRAWS_PER_SUBSET
             for k in range(0, count, shared):
                 products = noisy.draw(level, points, rng, min(shared, count - k))
                 models.append(identify_coefficients(products, method))
@@ -124,8 +124,8 @@ class QuickStudy:
         made = [(0, 0), *factor_monomials(self.terms)[1:]]
         last, lower = np.ascontiguousarray(np.maximum(np.array(made, int), 0).T)
         displacements = list(DISPLACEMENT_COLUMNS.values())
-        true = np.ascontiguousarray(self.motion.states[::STEP, displacements])
-        step = STEP / self.amounts.sampling_rate
+        true = np.ascontiguousarray(self.motion.states[::STEP_SAMPLES, displacements])
+        step = STEP_SAMPLES / self.amounts.sampling_rate
         first = round(self.amounts.steady_window[0] / step)
         found = np.empty((len(models), 4))
         # models with as many terms move together: lanes have all terms that one of them has
@@ -167,7 +167,7 @@ def identify_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
     if method.threshold is None:
         largest = np.abs(explained * weights).max(axis=2, keepdims=True)
         largest = largest if method.columns == "raw" else np.ones_like(largest)
-        thresholds = largest * supports.threshold_path(PATH_LENGTH)
+        thresholds = largest * supports.threshold_path(N_THRESHOLDS)
     kept = supports.thresholded_supports(grams, moments, thresholds, weights)
     found = supports.solve(grams, moments, kept)
     if method.threshold is None:
@@ -179,7 +179,7 @@ def identify_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
     return found[:, :, 0] * scale[..., np.newaxis] / lengths[:, np.newaxis] / drawn.lengths
 
 
-@numba.njit(fastmath=FAST, cache=True)
+@numba.njit(fastmath=FAST_MATH, cache=True)
 def _fill_rates(x, values, rows, columns, lower, last, monomials, rates):
     """Compute state derivatives of all lanes: x, rates (n_states, LANES), values (terms, LANES)."""
     for j in range(1, len(lower)):
@@ -191,7 +191,7 @@ def _fill_rates(x, values, rows, columns, lower, last, monomials, rates):
             rates[rows[k], lane] += values[k, lane] * monomials[columns[k], lane]
 
 
-@numba.njit(fastmath=FAST, cache=True)
+@numba.njit(fastmath=FAST_MATH, cache=True)
 def _move_lanes(values, rows, columns, lower, last, start, step, true, first):
     """Integrate lanes together by classical Runge-Kutta: (LANES, 4) of squares and amplitudes.
 
@@ -219,7 +219,7 @@ def _move_lanes(values, rows, columns, lower, last, start, step, true, first):
         _fill_rates(x + 0.5 * step * k2, values, rows, columns, lower, last, monomials, k3)
         _fill_rates(x + step * k3, values, rows, columns, lower, last, monomials, k4)
         y = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        lost = np.where(np.abs(y).sum(axis=0) > FARTHEST, 1.0, lost)
+        lost = np.where(np.abs(y).sum(axis=0) > MAX_STATE_SUM, 1.0, lost)
         y *= 1.0 - lost
         _fill_rates(y, values, rows, columns, lower, last, monomials, k2)
         if n >= first:

@@ -49,7 +49,8 @@ UNKNOWNS = (
 )  # fmt: skip
 NAMES = tuple(unknown.name for unknown in UNKNOWNS)
 LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
-LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "high"))
+# logarithms of the ends of the prior ranges
+LOG_LOW, LOG_HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "high"))
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def _read_ice(b2: float, b3: float, e1: float) -> Reading:
     return Reading(", ".join(changes), "ice", ice=((b1, b2, b3), (e1, *rest)))
 
 
-# each coefficient as the two readings of the digits have it
+# values of each coefficient by the two readings of the digits
 _BETAS, _ETAS = (
     tuple(zip(*each, strict=True)) for each in zip(*ICE_READINGS.values(), strict=True)
 )

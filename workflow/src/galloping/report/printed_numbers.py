@@ -13,9 +13,9 @@ from galloping.paper.claims import (
     AT_LEAST,
     AT_MOST,
     BY_NAME,
-    HELD,
+    HELD_VERDICTS,
+    MAX_SPREAD,
     UNDECIDED,
-    WIDE,
     Claim,
     format_percent,
 )
@@ -121,10 +121,11 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
         text += f" {format_percent(row['share_met'])} of the noise realisations satisfy all "
         text += f"{count} {which}."
     numbers = paper[(paper["role"] == "counted") & paper["spread"].notna()]
-    wide = int((~(numbers["spread"] < WIDE)).sum())
+    wide = int((~(numbers["spread"] < MAX_SPREAD)).sum())
     if wide:
         text += f" For {wide} of {len(numbers)} printed errors, nine in ten of our realisations "
-        text += f"spread over more than a factor of {WIDE:g}: nearly any printed error would agree."
+        text += f"spread over more than a factor of {MAX_SPREAD:g}: "
+        text += "nearly any printed error would agree."
     return text
 
 
@@ -138,7 +139,7 @@ def describe_counts(paper: pd.DataFrame) -> str:
     lacks = judged["verdict"].eq("not run").groupby([judged["case"], judged["statement"]]).any()
     held, may_hold = (
         judged["verdict"].isin(verdicts).groupby([judged["case"], judged["statement"]]).all()
-        for verdicts in (HELD, (*HELD, UNDECIDED))
+        for verdicts in (HELD_VERDICTS, (*HELD_VERDICTS, UNDECIDED))
     )
     statements, may_hold = held[~lacks], may_hold[~lacks]
     text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced."
@@ -191,7 +192,7 @@ def merge_directions(cells: list[PaperCell]) -> PaperCell:
 
 def describe_failures(paper: pd.DataFrame) -> list[str]:
     """Write a sentence for each claim of the reproduced paper that was tested and does not hold."""
-    others = (*HELD, UNDECIDED, "not run", "not judged", "beyond judgement")
+    others = (*HELD_VERDICTS, UNDECIDED, "not run", "not judged", "beyond judgement")
     failed = paper[~paper["verdict"].isin(others)]
     return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]
 
@@ -229,7 +230,7 @@ def _as_cell(row: dict) -> PaperCell:
     printed = _describe_printed(claim) if claim else "at once"
     is_judged = row["verdict"] not in ("not judged", "not run")
     ours = _describe_ours(row, claim) if is_judged else ""
-    return PaperCell(printed, ours, row["verdict"], row["reason"], row["verdict"] in HELD)
+    return PaperCell(printed, ours, row["verdict"], row["reason"], row["verdict"] in HELD_VERDICTS)
 
 
 def _describe_printed(claim: Claim) -> str:

@@ -8,7 +8,13 @@ import pandas as pd
 
 from galloping.configuration.kinds import equal_effort
 from galloping.model.intervals import QUANTILES_90
-from galloping.paper.agreement import GROUPS, NUMBERS, PRINTED, effective_number, group_of
+from galloping.paper.agreement import (
+    CLAIM_GROUPS,
+    NUMBER_CLAIMS,
+    PRINTED_CLAIMS,
+    effective_number,
+    group_of,
+)
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
 
 RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the first reading
@@ -73,7 +79,7 @@ def _judge_reading(power: float, error: float) -> str:
 
 
 def _is_factor(name: str) -> bool:
-    claims = {claim.name for claim in PRINTED if claim.minus_level is not None}
+    claims = {claim.name for claim in PRINTED_CLAIMS if claim.minus_level is not None}
     return name in claims or name.startswith("noise ") or name.endswith(" points")
 
 
@@ -103,7 +109,7 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
     They are the settings of the first reading, with their noise realisations. Columns: the
     unknowns; stage `tried` or `draw`; weight_all by all that is printed, and weight_NAME by all but
-    one of `agreement.GROUPS`, each sums to 1 over the settings; for draws the value of each
+    one of `agreement.CLAIM_GROUPS`, each sums to 1 over the settings; for draws the value of each
     claim, with the weight of its setting shared among its draws.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
@@ -112,8 +118,8 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     rows = rows.assign(setting=is_setting.cumsum())
     tried = rows[is_setting].set_index("setting")
     draws = rows[~is_setting].groupby("setting").size().reindex(tried.index)
-    table = rows[["stage", "setting", *NAMES, *(claim.name for claim in PRINTED)]]
-    for group in (ALL, *GROUPS):
+    table = rows[["stage", "setting", *NAMES, *(claim.name for claim in PRINTED_CLAIMS)]]
+    for group in (ALL, *CLAIM_GROUPS):
         known = tried["log_likelihood"] if group == ALL else tried[f"without_{group}"]
         logs = tried["log_weight"] - tried["log_likelihood"] + known
         weights = pd.Series(_normalise_weights(logs), tried.index)
@@ -156,7 +162,8 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
             "why": f"next: {nearest['reading']}, 10^{power:.1f} times as probable",
         })  # fmt: skip
     numbers = f"{len(UNKNOWNS)} numbers and {others['changes'].nunique()} readings"
-    printed = f"{len(NUMBERS)} numbers and {len(PRINTED) - len(NUMBERS)} bounds and words printed"
+    n_others = len(PRINTED_CLAIMS) - len(NUMBER_CLAIMS)
+    printed = f"{len(NUMBER_CLAIMS)} numbers and {n_others} bounds and words printed"
     table.append({"unknown": "all", "why": f"{numbers} are unknown, {printed}"})
     return pd.DataFrame(table)
 
@@ -180,7 +187,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
     """
     drawn, table = samples[samples["stage"] == "draw"], []
     settings = samples[samples["stage"] == "tried"]
-    for claim in PRINTED:
+    for claim in PRINTED_CLAIMS:
         group = group_of(claim)
         row = {"claim": claim.name, "group": group, "kind": claim.kind, "printed": claim.printed}
         values = drawn[claim.name].to_numpy(float)
@@ -213,7 +220,7 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         "steady": (drawn["change"] < STEADY).to_numpy(),
         "attack angle": (drawn["attack"] <= SLOW).to_numpy(),
     }
-    for claim in PRINTED:
+    for claim in PRINTED_CLAIMS:
         values = drawn[claim.name].to_numpy(float)
         if claim.is_number:
             with np.errstate(divide="ignore"):

@@ -13,10 +13,10 @@ from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import steady_amplitude
 from galloping.line.galerkin import coefficients
 from galloping.paper.claims import (
-    BEYOND_JUDGEMENT,
     CLAIMS,
-    HELD,
-    SHARES,
+    HELD_VERDICTS,
+    SHARE_COLUMNS,
+    UNJUDGED_CLAIMS,
     Claim,
     find_joint_draws,
     judge,
@@ -107,7 +107,7 @@ def paper_table(
         rows += [{**of_case[c.name], **_cell_columns(c)} for c in about if c.name in of_case]
         rows += _joint_rows(about, case, draws[case])
     rows += [{**_cell_columns(claim), "role": BEYOND, "case": "", "verdict": "beyond judgement",
-              "reason": claim.note} for claim in BEYOND_JUDGEMENT]  # fmt: skip
+              "reason": claim.note} for claim in UNJUDGED_CLAIMS]  # fmt: skip
     table = pd.DataFrame(rows, columns=[NAMES.get(name, name) for name in PAPER_COLUMNS])
     return table.set_axis(PAPER_COLUMNS, axis=1).astype({"points": "Int64"})
 
@@ -131,7 +131,7 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
         if len(group) < 2 or (kept := find_joint_draws(group, draws)) is None:
             continue
         found = share_with_interval(kept)
-        share, low, high = (100 * found[key] for key in SHARES)
+        share, low, high = (100 * found[key] for key in SHARE_COLUMNS)
         rows.append({
             "claim": f"all {len(group)} {name} at once", "role": JOINT, "case": case,
             "direction": "", **{NAMES.get(key, key): value for key, value in found.items()},
@@ -206,6 +206,6 @@ def variation_rows(
                  "winds": {name: varied["wind"]["speed"]}}  # fmt: skip
         table = claims_table(found, about, {name: found}, {name: [motion]})
         place = {"parameter": parameter, "unit": opened.unit, "value": value}
-        place |= {"is_default": is_own, "is_reproduced": table["verdict"].isin(HELD)}
+        place |= {"is_default": is_own, "is_reproduced": table["verdict"].isin(HELD_VERDICTS)}
         tables.append(table.assign(**place)[[*place, *COLUMNS]])
     return pd.concat(tables, ignore_index=True)

@@ -33,13 +33,13 @@ from galloping.line.galerkin import coefficients
 from galloping.model.polynomial import PolynomialModel
 from galloping.paper import agreement
 from galloping.paper.draws import Amounts, line_motion
-from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
+from galloping.paper.quick import DRAWS_PER_SUBSET, MAX_STATE_SUM, QuickStudy
 from galloping.paper.unknowns import (
     BOTH_LINES,
     BY_NAME,
     FIRST_READING,
-    HIGH,
-    LOW,
+    LOG_HIGH,
+    LOG_LOW,
     NAMES,
     UNKNOWNS,
     Reading,
@@ -201,7 +201,7 @@ def _log_weights(
     points = np.stack([row["point"] for row in rows])
     shares = np.log(numbers)[:, np.newaxis]
     densities = np.stack([proposal.log_density(points) for proposal in proposals])
-    log_prior = -np.sum(np.log(HIGH - LOW))
+    log_prior = -np.sum(np.log(LOG_HIGH - LOG_LOW))
     log_likelihoods = np.array([row["log_likelihood"] for row in rows])
     return log_prior + log_likelihoods - logsumexp(shares + densities, axis=0)
 
@@ -228,7 +228,7 @@ def _climb_likelihood(
     seed = int(rng.integers(2**63))
 
     def miss(point: np.ndarray) -> float:
-        if np.any((point < LOW) | (point > HIGH)):
+        if np.any((point < LOG_LOW) | (point > LOG_HIGH)):
             return np.inf
         values = dict(zip(NAMES, np.exp(point), strict=True))
         smallest = _smallest_coefficient(_line_coefficients(reading, values))
@@ -324,7 +324,7 @@ def estimate(
     """Estimate the likelihood of parameters from simulated noise realisations.
 
     Returns None if a condition excludes the parameters. log_likelihood: of all that is printed.
-    without_NAME: of all but one of `agreement.GROUPS`. By the name of each factor: its
+    without_NAME: of all but one of `agreement.CLAIM_GROUPS`. By the name of each factor: its
     logarithm. change: of the amplitudes, of the lines that are read as steady. attack: largest
     |dq_v| / U. draws: value of each claim by draw.
     """
@@ -341,17 +341,17 @@ def estimate(
     steady = agreement.log_steadiness(np.array(changes)) if reading.steady else 0.0
     method = reading.method_at(values)
     study = QuickStudy(motion, line, AMOUNTS)
-    scores = study.draw_scores(method, draws, rng, unmoved_levels=agreement.UNMOVED_LEVELS)
+    scores = study.draw_scores(method, draws, rng, unmoved_levels=agreement.UNSIMULATED_LEVELS)
     claims = agreement.scores_by_claim(scores)
     factors = agreement.log_likelihoods(claims)
     log_likelihood = sum(factors.values()) + steady
     row: dict[str, Any] = {"change": max(changes), "attack": attack}
     row |= {"log_likelihood": log_likelihood, **factors}
-    for group in agreement.GROUPS:
+    for group in agreement.CLAIM_GROUPS:
         others = agreement.log_likelihoods(claims, left_out=(group,))
         row[f"without_{group}"] = sum(others.values()) + steady
     # those that share no random subset
-    rows = range(0, draws, SHARING if draws > SHARING else 1)
+    rows = range(0, draws, DRAWS_PER_SUBSET if draws > DRAWS_PER_SUBSET else 1)
     row["draws"] = [{name: found[k] for name, found in claims.items()} for k in rows]
     return row
 
@@ -364,7 +364,7 @@ def _simulate_line(
 
 def _is_in_reach(motion: Motion) -> bool:
     """Decide whether a line moves no farther than `quick` simulates a model."""
-    return bool(np.abs(motion.states).sum(axis=1).max() < FARTHEST)
+    return bool(np.abs(motion.states).sum(axis=1).max() < MAX_STATE_SUM)
 
 
 def _amplitude_change(states: np.ndarray) -> float:
