@@ -23,7 +23,7 @@ from galloping.publication.archive import (
     unpack,
 )
 from galloping.publication.archive import restore as restore_archive
-from galloping.publication.publishing import ALLOWABLE, NotPublishable, note_on_report
+from galloping.publication.publishing import ALLOWABLE_OBSTACLES, NotPublishable, note_on_report
 from galloping.publication.publishing import publish as publish_study
 from galloping.reproducibility.lock import check_places, end_in_one_line, locked, make_command
 from galloping.reproducibility.plan import make_plan
@@ -122,15 +122,17 @@ def compare(folder: Path, study: dict) -> None:
 def publish(allow, configfile):
     """Write a folder and an archive with which a finished study can be published."""
     allowed = allow.split(",") if allow else []
-    if unknown := [kind for kind in allowed if kind not in ALLOWABLE]:
-        sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
+    if unknown := [kind for kind in allowed if kind not in ALLOWABLE_OBSTACLES]:
+        sys.exit(
+            f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE_OBSTACLES)}"
+        )
     try:
         with locked_plan(configfile) as plan:
             archive, note = publish_study(plan, allowed), note_on_report(plan)
     except NotPublishable as error:
         sys.exit(
             f"{error}\nNot published. `make` completes a study, `make repair` mends it; "
-            f"ALLOW={','.join(ALLOWABLE)} publishes all the same and records it."
+            f"ALLOW={','.join(ALLOWABLE_OBSTACLES)} publishes all the same and records it."
         )
     print(f"{archive}: {archive.stat().st_size / 1e6:.1f} MB, SHA-256 {digest(archive)}")
     if note:

@@ -37,19 +37,19 @@ from galloping.storage import partial_prefix, write_text
 from galloping.tables.comparison import flatten, list_differences
 
 CONFIGURATION, RECEIPTS, MANIFEST = "configuration.yaml", "receipts.json", "manifest.sha256"
-MAX_ENTRIES = 20_000  # far more than a study has
-MAX_SIZE = 4 * 2**30  # bytes, of all files together
+MAX_ENTRIES = 20_000  # files in an archive, many more than a study has
+MAX_SIZE = 4 * 2**30  # bytes: size of all files together
 
-ENTRY_TIME = (1980, 1, 1, 0, 0, 0)  # of every entry: the earliest time that a zip can store
+ENTRY_TIME = (1980, 1, 1, 0, 0, 0)  # time of every entry: the earliest that a zip can store
 PLAIN_PATH = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=-]*(/[A-Za-z0-9_][A-Za-z0-9_.+=-]*)*")
 COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-# raised for files that are no zip, broken zips, and zips in which a file is also a folder
+# errors raised for files that are no zip, broken zips, and a file with the name of a folder
 ZIP_ERRORS = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, ValueError, RuntimeError,
     FileExistsError, NotADirectoryError, IsADirectoryError, ArithmeticError, LookupError,
     MemoryError, AttributeError, TypeError,
 )  # fmt: skip
-NAME_ERRORS = (errno.EINVAL, errno.ENAMETOOLONG, errno.EOVERFLOW)  # also of offsets in the archive
+NAME_ERRORS = (errno.EINVAL, errno.ENAMETOOLONG, errno.EOVERFLOW)  # also raised for bad offsets
 
 
 class NotRestorable(Exception):
@@ -138,7 +138,7 @@ def find_manifest_faults(folder: Path) -> Iterator[str]:
             yield f"{path}: changed"
 
 
-FOLDERS = ("results", "reference")  # settings on which no number depends
+FOLDER_KEYS = ("results", "reference")  # settings without effect on numbers
 RECEIPT_LIST = TypeAdapter(list[Receipt])
 
 
@@ -204,7 +204,7 @@ def describe_changed_settings(published: Mapping, present: Mapping) -> Iterator[
     archived, local = dict(flatten(published)), dict(flatten(present))
     for key in dict.fromkeys([*archived, *local]):
         there, here = (settings.get(key, "nothing") for settings in (archived, local))
-        if key not in FOLDERS and there != here:
+        if key not in FOLDER_KEYS and there != here:
             yield f"{key}: {there} in the archive, {here} here"
 
 

@@ -44,7 +44,7 @@ DESCRIPTIONS = {
     "study, also of those that are not in this archive",
     "report.html": "the report: what was found, figures and tables in one page",
 }
-FORMATS = MimeTypes()  # of Python alone, without those of the machine
+FORMATS = MimeTypes()  # types known to Python, without those of the machine
 FORMATS.add_type("application/yaml", ".yaml")
 FORMATS.add_type("text/markdown", ".md")
 
@@ -150,7 +150,7 @@ SOURCES = (
     "CITATION.cff", "LICENSE", "Makefile", "README.md", "Snakefile", "pyproject.toml",
     "requirements.lock", "config", "profiles", "workflow",
 )  # fmt: skip
-ALLOWABLE = ("dirty", "incomplete", "outdated")
+ALLOWABLE_OBSTACLES = ("dirty", "incomplete", "outdated")  # can be recorded instead of refused
 
 
 class NotPublishable(ValueError):
@@ -160,7 +160,7 @@ class NotPublishable(ValueError):
 def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
     """Write the folder and archive that publish a study's results, and return the archive's path.
 
-    The folder is in the results folder. allowed: obstacles (of `ALLOWABLE`) that are recorded
+    The folder is in the results folder. allowed: ALLOWABLE_OBSTACLES that are recorded
     in the archive instead of refused. The same study, commit and environment give the same bytes.
     Raises NotPublishable.
     """
