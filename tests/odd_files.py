@@ -18,7 +18,7 @@ import pandas as pd
 from scipy.io import netcdf_file, savemat
 
 from galloping.identification.observations import Code
-from galloping.readers.array_files import MAX_BYTES
+from galloping.readers.array_files import MAX_TABLE_BYTES
 
 TIME = np.arange(1000) / 25.0
 V, W = np.sin(2.6 * TIME), 0.5 * np.cos(2.6 * TIME)
@@ -170,7 +170,7 @@ def sparse_rows(path: Path) -> None:
 
 def too_large(path: Path) -> None:
     with path.open("wb") as file:
-        file.truncate(MAX_BYTES + 1)
+        file.truncate(MAX_TABLE_BYTES + 1)
 
 
 def dated(style: str, moments: object = STAMPS) -> list[str]:

@@ -11,7 +11,7 @@ from galloping.behaviour.following import Following, check_recordings, without_o
 from galloping.estimator import MaximumLikelihood
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.polynomial import velocity_pairs
-from galloping.readers.units import EMPTY
+from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import Input, Recording
 from galloping.summary.summarise import PERIODS, forecast, longest_period, simulate_beside
 
@@ -56,7 +56,7 @@ def plot_forecast(
     recordings: Recordings = None,
     time: ArrayLike | None = None,
     *,
-    inputs: Mapping[str, Input | float] = EMPTY,
+    inputs: Mapping[str, Input | float] = EMPTY_MAPPING,
     seed: int = 0,
 ) -> "Figure":
     """Plot the end of a recording and the model's forecast after it, with a 90 % band.

@@ -15,7 +15,7 @@ from galloping.identification.random_forces import forced_motion as in_random_fo
 from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
 from galloping.passes import passing
-from galloping.readers.units import EMPTY
+from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Input, Recording
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def forecast(
     time: np.ndarray,
     window: float,
     rng: np.random.Generator,
-    inputs: Mapping[str, Input | float] = EMPTY,
+    inputs: Mapping[str, Input | float] = EMPTY_MAPPING,
 ) -> Forecast:
     """Forecast the samples after a recording by a model started from the last `window` seconds.
 

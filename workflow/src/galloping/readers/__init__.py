@@ -1,6 +1,6 @@
 """Readers of instrument files: from tables with names and units to recordings of states."""
 
-MAX_NAMES = 12  # in a message
+MAX_LISTED_NAMES = 12  # names listed in a message
 
 
 class FileError(ValueError):

@@ -12,7 +12,7 @@ import numpy as np
 from galloping.readers import FileError
 from galloping.readers.matlab_elements import check_elements
 
-MAX_BYTES = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
+MAX_TABLE_BYTES = 2 * 1024**3  # bytes: a table that fits into the memory of a small machine
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _unpack(values: Any, attribute: Callable[[str, Any], Any]) -> np.ndarray:
 def _matlab(path: Path) -> Iterator[StoredArray]:
     from scipy.io import loadmat, whosmat
 
-    check_elements(path, MAX_BYTES)
+    check_elements(path, MAX_TABLE_BYTES)
     check_size(8 * sum(prod(shape) for _, shape, _ in whosmat(path)), "arrays")
     for name, value in loadmat(path).items():
         if not name.startswith("__"):
@@ -140,10 +140,10 @@ def _matlab(path: Path) -> Iterator[StoredArray]:
 
 def check_size(n_bytes: int, contents: str = "") -> None:
     """Raise FileError if a file, or its contents, need more than 2 GiB of memory."""
-    if n_bytes > MAX_BYTES:
+    if n_bytes > MAX_TABLE_BYTES:
         of_contents = f" of {contents}" if contents else ""
         raise FileError(
-            f"{n_bytes / 1e9:.1f} GB{of_contents} are more than {MAX_BYTES / 1e9:.1f} GB; "
+            f"{n_bytes / 1e9:.1f} GB{of_contents} are more than {MAX_TABLE_BYTES / 1e9:.1f} GB; "
             "cut it in pieces"
         )
 

@@ -3,12 +3,13 @@
 import re
 from collections.abc import Collection, Iterable, Set
 
-from galloping.readers.units import ORDERS, is_same_quantity, split_header
+from galloping.readers.units import MOTION_UNITS, is_same_quantity, split_header
 
-# Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
-TIMES = {"time", "zeit", "uhr", "elapsed", "temps", "tiempo", "时间"}
-NO_TIME = re.compile("altimet|[cd]entimet|[cd]ecimet|sentimet|centime")  # with the stem `time`
-TIMES_LIKE_TEMPERATURE = {"temps", "tempo"}  # times in French and Italian
+# stems of words, and whole words if they are short: English, German, some Romance and Chinese words
+TIME_STEMS = {"time", "zeit", "uhr", "elapsed", "temps", "tiempo", "时间"}
+# words that contain the stem `time` and do not mean time
+TIME_LOOKALIKES = re.compile("altimet|[cd]entimet|[cd]ecimet|sentimet|centime")
+TIMES_LIKE_TEMPERATURE = {"temps", "tempo"}  # French and Italian words for time
 TIME_WORDS = TIMES_LIKE_TEMPERATURE | {"t", "ts", "date", "datum", "sec", "seconds"}
 DIRECTIONS = {
     "v": ({"vertic", "vertik", "senkrecht", "heave", "垂直", "竖向"}, {"vert", "v", "qv", "av"}),
@@ -18,15 +19,15 @@ DIRECTIONS = {
         {"horiz", "hor", "horz", "lat", "trans", "w", "h", "qw", "aw", "ah"},
     ),
 }  # fmt: skip
-LETTERS = {"v", "w", "h"}  # a direction where the unit is a length, else perhaps a velocity
-SHORT_WORDS = LETTERS | {"lat", "trans"}  # which alone may be another word, such as latitude
-KINDS = (  # of a displacement, a velocity and an acceleration
+DIRECTION_LETTERS = {"v", "w", "h"}  # directions if the unit is a length, else maybe velocities
+SHORT_WORDS = DIRECTION_LETTERS | {"lat", "trans"}  # ambiguous alone: `lat` may be a latitude
+KINDS = (  # stems and words of displacements, velocities and accelerations
     ({"displ", "auslenk", "verschieb", "位移"},
      {"disp", "weg", "position", "pos", "amplitude", "q"}),
     ({"veloc", "geschwind", "vitesse", "速度"}, {"vel", "speed"}),
     ({"accel", "beschleun", "加速"}, {"acc", "a", "av", "aw", "ah"}),
 )  # fmt: skip
-OTHER_QUANTITIES = (  # measured quantities other than the motion in the two directions
+OTHER_QUANTITIES = (  # stems and words of quantities other than the motion in two directions
     {"wind", "gust", "temp", "press", "druck", "humid", "feucht", "tension", "force", "kraft",
      "batt", "record", "counter", "index", "status", "quality", "angle", "winkel", "voltage",
      "strain", "dehn", "stress", "spannung", "moment", "torque", "tilt", "neig", "rotat", "inclin",
@@ -34,10 +35,10 @@ OTHER_QUANTITIES = (  # measured quantities other than the motion in the two dir
     {"ice", "eis", "load", "rain", "zug", "rn", "no", "nr", "id", "flag", "long", "lon", "pitch",
      "roll", "yaw", "msl"},
 )  # fmt: skip
-COUNTS = {"frame", "frames", "bild", "sample", "samples", "index", "count", "counter", "scan",
+COUNT_WORDS = {"frame", "frames", "bild", "sample", "samples", "index", "count", "counter", "scan",
           "sequence", "point", "record", "nr", "no", "n", "rn"}  # fmt: skip
 STATE = re.compile(r"(d{0,2})q_?([vw])", re.IGNORECASE)
-DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
+DATE_PATTERN = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
 
 
 def split_words(header: str) -> set[str]:
@@ -56,13 +57,13 @@ def _has_word(words: set[str], stems: set[str], whole: Set[str] = frozenset()) -
 def is_time(header: str) -> bool:
     """Decide from its name whether a column contains times."""
     is_labview = split_header(header)[0] == "X_Value"
-    words = {word for word in split_words(header) if not NO_TIME.search(word)}
-    return is_labview or (_has_word(words, TIMES, TIME_WORDS) and not is_beside_motion(header))
+    words = {word for word in split_words(header) if not TIME_LOOKALIKES.search(word)}
+    return is_labview or (_has_word(words, TIME_STEMS, TIME_WORDS) and not is_beside_motion(header))
 
 
 def is_count(header: str) -> bool:
     """Decide from its name whether a column counts the samples."""
-    return bool(split_words(header) & COUNTS)
+    return bool(split_words(header) & COUNT_WORDS)
 
 
 def is_beside_motion(header: str) -> bool:
@@ -77,7 +78,7 @@ def derivative_order(header: str, unit: str) -> int | None:
     quantity.
     """
     if unit:
-        return next((k for k, si in enumerate(ORDERS) if is_same_quantity(unit, si)), None)
+        return next((k for k, si in enumerate(MOTION_UNITS) if is_same_quantity(unit, si)), None)
     words = split_words(header)
     kinds = [order for order, kind in enumerate(KINDS) if _has_word(words, *kind)]
     return kinds[0] if len(kinds) == 1 else 0
@@ -95,12 +96,12 @@ def measured_quantity(header: str, unit: str = "") -> str:
     if state := STATE.fullmatch(name):
         return f"{state[1].lower()}q_{state[2].lower()}"
     axis, kinds, word = _direction_and_kinds(header, unit)
-    orders = [k for k, si in enumerate(ORDERS) if is_same_quantity(unit, si)]
+    orders = [k for k, si in enumerate(MOTION_UNITS) if is_same_quantity(unit, si)]
     is_contradicted = kinds and orders and kinds != orders
     if not axis or len(kinds) > 1 or (unit and not orders) or is_contradicted:
         return ""
     is_short = not kinds and word in SHORT_WORDS
-    if is_short and (orders == [1] or (not orders and word not in LETTERS)):
+    if is_short and (orders == [1] or (not orders and word not in DIRECTION_LETTERS)):
         return ""
     return "d" * (kinds or orders or [0])[0] + "q_" + axis
 
@@ -122,7 +123,7 @@ def is_no_direction(header: str, alike: Collection[str], names: Iterable[str]) -
     alike: names of columns of the same kind. names: of all columns.
     """
     _, kinds, letter = _direction_and_kinds(header, "")
-    if letter not in LETTERS:
+    if letter not in DIRECTION_LETTERS:
         return False
     if re.fullmatch("[hv]Acc", split_header(header)[0]):
         return any(split_header(name)[0] == "hMSL" for name in names)
@@ -148,7 +149,9 @@ def _direction_and_kinds(header: str, unit: str) -> tuple[str, list[int], str]:
         return "", [], ""
     stems, whole = DIRECTIONS[axes[0]]
     is_plain = _has_word(words, stems, whole - SHORT_WORDS)
-    weakest = "" if is_plain else min(words & whole, key=lambda word: (word in LETTERS, word))
+    weakest = (
+        "" if is_plain else min(words & whole, key=lambda word: (word in DIRECTION_LETTERS, word))
+    )
     has_kind = {word for word in words if len(word) > 1 or not unit}  # A may number a sensor
     kinds = [order for order, kind in enumerate(KINDS) if _has_word(has_kind, *kind)]
     return axes[0], kinds, weakest

@@ -18,18 +18,18 @@ import numpy as np
 import pandas as pd
 
 from galloping.fields import list_first
-from galloping.readers import MAX_NAMES, FileError
+from galloping.readers import MAX_LISTED_NAMES, FileError
 from galloping.readers.array_files import READERS, arrays_in, check_size
-from galloping.readers.columns import DATED
-from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_HINT, THOUSANDS
+from galloping.readers.columns import DATE_PATTERN
+from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_HINT, THOUSANDS_COMMA
 from galloping.readers.text_table import read_text
-from galloping.readers.units import EMPTY, UnitError, is_scaled, split_header
+from galloping.readers.units import EMPTY_MAPPING, UnitError, is_scaled, split_header
 
 Converted = TypeVar("Converted")
-TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), ".xlsx"  # of files that are read
-MAX_CELLS = 50_000_000  # of a sheet of Excel
+TEXT_SUFFIXES, SHEET_SUFFIX = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), ".xlsx"
+MAX_CELLS = 50_000_000  # cells of an Excel sheet
 MAX_CHARACTERS = 100_000_000  # characters of a column
-MAX_SHOWN = 60  # characters of a name in a message
+MAX_NAME_LENGTH = 60  # characters of a name in a message
 
 
 @dataclass(frozen=True)
@@ -65,14 +65,17 @@ class FileTable:
     def content(self) -> str:
         """Text that lists the file's columns with their units, and its other contents."""
         columns = [
-            f"{name!r:.{MAX_SHOWN}}" + f" [{self.unit(name):.{MAX_SHOWN}}]" * bool(self.unit(name))
+            f"{name!r:.{MAX_NAME_LENGTH}}"
+            + f" [{self.unit(name):.{MAX_NAME_LENGTH}}]" * bool(self.unit(name))
             for name in self.columns
         ]
         others = _list_shapes(self.others)
-        others += [f"{name:.{MAX_SHOWN}} = {value:g}" for name, value in self.scalars.items()]
-        text = list_first(columns, MAX_NAMES)
+        others += [f"{name:.{MAX_NAME_LENGTH}} = {value:g}" for name, value in self.scalars.items()]
+        text = list_first(columns, MAX_LISTED_NAMES)
         if others:
-            text += f"; each must be a vector of its own, unlike {list_first(others, MAX_NAMES)}"
+            text += (
+                f"; each must be a vector of its own, unlike {list_first(others, MAX_LISTED_NAMES)}"
+            )
         return text
 
     def column(self, name: str) -> np.ndarray:
@@ -82,7 +85,9 @@ class FileTable:
         """
         bare, _ = split_header(name)
         if bare not in self.columns:
-            raise FileError(f"{self.path}: no column {bare!r:.{MAX_SHOWN}}; it has {self.content}")
+            raise FileError(
+                f"{self.path}: no column {bare!r:.{MAX_NAME_LENGTH}}; it has {self.content}"
+            )
         if bare in self.unclear:
             raise FileError(
                 f"{self.path}: two columns are named {bare!r}, with other samples; give each a "
@@ -124,7 +129,7 @@ class FileTable:
         if values.dtype.kind not in "OUT":
             return "date" if values.dtype.kind in "mM" else "number"
         first = str(next(iter(values), ""))
-        if DATED.match(first):
+        if DATE_PATTERN.match(first):
             return "date"
         return "text" if np.isnan(pd.to_numeric(first, errors="coerce")) else "number"
 
@@ -149,7 +154,7 @@ class FileTable:
         cell = self.column(name)[row]
         value = repr(str(cell) if isinstance(cell, str) else float(cell))[:60]
         hint = f"; {DECIMAL_HINT}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
-        if THOUSANDS.fullmatch(str(cell)):
+        if THOUSANDS_COMMA.fullmatch(str(cell)):
             hint += ", without the comma if it separates thousands"
         if split_header(str(cell))[0] == name:
             hint = "; where names are repeated, cut the file into two"
@@ -173,9 +178,9 @@ def read_table(
     suffix = path.suffix.lower()
     try:
         _check_file(path, suffix)
-        if suffix in TEXT:
+        if suffix in TEXT_SUFFIXES:
             table = _make_table(path, *read_text(lambda: path.open("rb"), decimal, time, rows))
-        elif suffix == SHEET:
+        elif suffix == SHEET_SUFFIX:
             text, notes = _read_sheet(path, decimal)
             content, first, more = read_text(lambda: io.BytesIO(text), ".", time, rows)
             table = _make_table(path, content, first, (*notes, *more))
@@ -189,7 +194,7 @@ def read_table(
     except PermissionError:
         raise
     except Exception as error:  # libraries raise many kinds where a file is damaged
-        kind = "text table" if suffix in TEXT else f"{suffix[1:]} file"
+        kind = "text table" if suffix in TEXT_SUFFIXES else f"{suffix[1:]} file"
         raise FileError(f"{path}: cannot be read: damaged, cut off, or no {kind}") from error
     return table
 
@@ -197,10 +202,10 @@ def read_table(
 def _check_file(path: Path, suffix: str) -> None:
     if not path.is_file():
         raise FileError("not a file" if path.exists() else "no such file")
-    if suffix not in (*TEXT, SHEET, *READERS):
+    if suffix not in (*TEXT_SUFFIXES, SHEET_SUFFIX, *READERS):
         raise FileError(
             f"files {suffix or 'without a suffix'} are not read; save or export it as CSV, or as "
-            f"one of {', '.join((*TEXT[1:], SHEET, *READERS))}"
+            f"one of {', '.join((*TEXT_SUFFIXES[1:], SHEET_SUFFIX, *READERS))}"
         )
     size = path.stat().st_size
     if size == 0:
@@ -213,8 +218,8 @@ def _make_table(
     content: list[tuple],
     first_row: int,
     notes: tuple[str, ...] = (),
-    scalars: Mapping[str, float] = EMPTY,
-    others: Mapping[str, str] = EMPTY,
+    scalars: Mapping[str, float] = EMPTY_MAPPING,
+    others: Mapping[str, str] = EMPTY_MAPPING,
 ) -> FileTable:
     """Assemble a table. content: header, values and unit, or None, of each column."""
     columns: dict[str, np.ndarray] = {}
@@ -309,7 +314,7 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
         scalars = {
             printable(n): float(x) for n, x in single.items() if isinstance(x, Real | Decimal)
         }
-    contents = list_first(_list_shapes(others), MAX_NAMES)
+    contents = list_first(_list_shapes(others), MAX_LISTED_NAMES)
     if not vectors:
         more = "; save the fields of a structure by save -struct" if suffix == ".mat" else ""
         raise FileError(
@@ -321,7 +326,7 @@ def _read_arrays(path: Path, suffix: str) -> FileTable:
 
 
 def _list_shapes(arrays: Mapping[str, str]) -> list[str]:
-    return [f"{name:.{MAX_SHOWN}} ({shape})" for name, shape in arrays.items()]
+    return [f"{name:.{MAX_NAME_LENGTH}} ({shape})" for name, shape in arrays.items()]
 
 
 def _is_plain(values: np.ndarray) -> bool:

@@ -12,12 +12,12 @@ from galloping.readers.units import is_same_quantity
 STANDARD_GRAVITY = 9.80665  # m/s^2
 GRAVITIES = {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2, "g": STANDARD_GRAVITY,
              "mg": 1e-3 * STANDARD_GRAVITY}  # fmt: skip
-GRAVITY_TOLERANCE = 0.03  # relative, of the mean of an accelerometer that measures gravity
-MAX_SPAN_MOTION = 20.0  # m, from the lowest to the highest point of a span that gallops
-SINCE_1970 = 3.2e8, 4.1e9  # s, from 1980 to 2100
-# The same in days: since 1900 as of spreadsheets, and since the year 0 as of MATLAB.
+GRAVITY_TOLERANCE = 0.03  # relative error of the mean of an accelerometer that measures gravity
+MAX_SPAN_MOTION = 20.0  # m: range from the lowest to the highest point of a galloping span
+UNIX_TIMES = 3.2e8, 4.1e9  # s since 1970: the years 1980 to 2100
+# the same years in days since 1900, as in spreadsheets, and since the year 0, as in MATLAB
 DATES_IN_DAYS = ((29_221, 73_051), (723_181, 767_011))
-MIN_STEP, MAX_STEP = 1e-5, 10.0  # s, between samples
+MIN_STEP, MAX_STEP = 1e-5, 10.0  # s: limits of plausible sampling intervals
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
 WIND_WORDS = {"wind", "gust", "u", "speed"}
 
@@ -58,7 +58,7 @@ def likely_time_unit(times: np.ndarray) -> str:
         return "s"
     first, step = float(times[0]), float(np.median(np.diff(times)))
     for unit, size in TIME_UNITS.items():
-        if SINCE_1970[0] <= first * size <= SINCE_1970[1] and unit != "d":
+        if UNIX_TIMES[0] <= first * size <= UNIX_TIMES[1] and unit != "d":
             return unit
     if any(low <= first <= high for low, high in DATES_IN_DAYS) and step * 86_400.0 <= MAX_STEP:
         return "d"

@@ -10,7 +10,8 @@ from galloping.readers.file_table import FileTable
 from galloping.readers.mapping import InputColumn
 from galloping.recording.samples import INTERPOLATIONS, MAX_INTERPOLATED_STEPS, Input
 
-MIN_ROWS_PER_SAMPLE = 2  # of a slower instrument, whose samples a logger repeats
+# rows with the same value if a logger repeats the samples of a slower instrument
+MIN_ROWS_PER_SAMPLE = 2
 
 
 def read_inputs(

@@ -7,25 +7,25 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from galloping.fields import list_first
-from galloping.readers import MAX_NAMES, FileError
+from galloping.readers import MAX_LISTED_NAMES, FileError
 from galloping.readers.columns import is_time, measured_quantity
 from galloping.readers.units import is_unit, split_header
 
-SEPARATORS = (";", "\t", ",", None)  # None is white space; a comma may be a decimal mark
+SEPARATORS = (";", "\t", ",", None)  # None: white space; a comma may be a decimal mark
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
 MINUS = "\N{MINUS SIGN}"  # as some locales of Europe write it
-COMMENTS = ("#", "%")
-THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a number with a decimal comma
+COMMENT_MARKS = ("#", "%")
+THOUSANDS_COMMA = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a number with a decimal comma
 INSTANT = re.compile(  # a date or a time of a day; any text without a separator may follow
     r"(\d+[-/.:]\d+[-/.:]|\d\d?[- ][A-Za-z]{3}[- ]\d)\d[^,;\t]*(,\d+)?"
 )
 DECIMAL_HINT = "with a decimal comma say --decimal , (decimal: ',' in a mapping)"
-MAX_COLUMNS = 10_000
+MAX_COLUMNS = 10_000  # columns of a table
 MAX_JOINED_LINES = 8  # lines of one quoted cell
-MIN_DATA_ROWS = 3  # in succession: fewer may precede the header, such as numbers of markers
-# First cells that say what a row above the numbers contains, and belong to no column.
-LABELS = {"name", "names", "channel", "channels", "kanal", "signal", "label", "sensor", "title"}
+MIN_DATA_ROWS = 3  # consecutive rows of numbers; shorter runs may belong to a header
+# first cells that describe a row above the numbers and belong to no column
+ROW_LABELS = {"name", "names", "channel", "channels", "kanal", "signal", "label", "sensor", "title"}
 UNITS_LABEL = re.compile(r"(?:[xy]_)?(?:unit|einheit)\w*\W*", re.IGNORECASE)
 UNITS_PREFIX = re.compile(  # in the first cell of a row, as in `# units: s, mm`
     r"[#%\s]*(?:unit|einheit)\w*\s*[:=] *(?=[^\s,;])", re.IGNORECASE
@@ -65,7 +65,7 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     """
     rows, starts = _join_quoted(lines)
     written = [k for k, row in enumerate(rows) if row.strip(" ,;\t\r")]
-    plain = [k for k in written if not rows[k].startswith(COMMENTS)]
+    plain = [k for k in written if not rows[k].startswith(COMMENT_MARKS)]
     if not plain:
         raise FileError("no header")
     separator, columns = _find_separator(rows, plain, decimal)
@@ -125,7 +125,7 @@ def _split_row(row: str, separator: str | None, columns: int) -> list[str]:
     """Split a row, if possible to one cell per column: behind a comment sign, or at wide blanks."""
     if prefix := UNITS_PREFIX.match(row):
         row = row[prefix.end() :]
-    bare = row.lstrip("".join(COMMENTS))
+    bare = row.lstrip("".join(COMMENT_MARKS))
     ways = [split_cells(bare, separator), split_cells(row.lstrip("#"), separator)]
     if separator is None:
         ways.append(re.split(r"\s{2,}", bare.strip()))
@@ -187,7 +187,7 @@ def _find_decimal(cells: Iterable[str]) -> str:
     """Find the decimal mark: a comma if some cells can mean nothing else, and none a point."""
     cells = list(cells)
     commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
-    is_decimal = not all(map(THOUSANDS.fullmatch, commas))
+    is_decimal = not all(map(THOUSANDS_COMMA.fullmatch, commas))
     return "," if is_decimal and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."
 
 
@@ -267,7 +267,8 @@ def _drop_empty_end(row: Sequence[str]) -> list[str]:
 
 
 def _is_label(cell: str) -> bool:
-    return cell.casefold().strip(" :#=") in LABELS | REMARKS or bool(UNITS_LABEL.fullmatch(cell))
+    is_label = cell.casefold().strip(" :#=") in ROW_LABELS | REMARKS
+    return is_label or bool(UNITS_LABEL.fullmatch(cell))
 
 
 def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]]) -> int | None:
@@ -334,7 +335,7 @@ def _find_header(
     known = {k: _count_known_names(row) for k, row in text.items()}
     best = max(text, key=lambda k: (known[k] > 1, differs(text[k]), known[k], k))
     if len(text) > 1 and not differs(text[best]) and known[best] < 2:
-        rows = list_first([str(starts[k] + 1) for k in text], MAX_NAMES)
+        rows = list_first([str(starts[k] + 1) for k in text], MAX_LISTED_NAMES)
         raise FileError(
             f"rows {rows} look like names of columns, and each has cells that are alike; keep one "
             "of them, with a name of its own for each column"
@@ -351,7 +352,7 @@ def _check_headless(
 ) -> None:
     """Raise FileError if the row next to the numbers looks like names, with another count."""
     above, columns = cells.get(first - 1, []), len(cells[first])
-    if len(above) < 2 or rows[first - 1].startswith(COMMENTS):
+    if len(above) < 2 or rows[first - 1].startswith(COMMENT_MARKS):
         return
     halved = separator == "," and columns == 2 * len(above)
     hint = f"; {DECIMAL_HINT}, and another separator between columns" if halved else ""

@@ -22,7 +22,7 @@ PROBLEM_TEXTS = {  # instead of messages of pydantic that name types of Python
     "float_parsing": "must be a number",
     "string_type": "must be text",
 }
-MAX_PROBLEMS = 3  # of problems
+MAX_PROBLEMS = 3  # problems listed in a message
 NAME = re.compile(r"[^\W\d]\w*")
 PERCENT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%\s*")
 NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")

@@ -21,7 +21,7 @@ from galloping.readers.file_table import FileTable
 from galloping.readers.hints import likely_unit, measure_option, unit_in_name, unit_options
 from galloping.readers.units import (
     DIRECTION,
-    ORDERS,
+    MOTION_UNITS,
     is_pixel,
     is_same_quantity,
     is_unit,
@@ -31,11 +31,11 @@ from galloping.readers.units import (
     unit_suffix,
 )
 
-PROPOSAL_ROWS = 2000  # of a text file, from which the columns are interpreted
-CLOCK_TOLERANCE = 0.01  # relative difference of the durations of two clocks
-AXES = [{axis, f"d{axis}", f"a{axis}", f"acc{axis}"} for axis in "zy"]  # upward, then across
-RATES = {"fs", "fsamp", "rate", "samplerate", "samplingrate", "framerate", "fps", "hz"}
-INTERVALS = {"dt", "ts", "interval"}  # s, between samples
+PROPOSAL_ROWS = 2000  # rows of a text file that are read to interpret its columns
+CLOCK_TOLERANCE = 0.01  # relative difference of the durations by two clocks
+AXIS_NAMES = [{axis, f"d{axis}", f"a{axis}", f"acc{axis}"} for axis in "zy"]  # up, then across
+RATE_WORDS = {"fs", "fsamp", "rate", "samplerate", "samplingrate", "framerate", "fps", "hz"}
+INTERVAL_WORDS = {"dt", "ts", "interval"}  # sampling intervals, s
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,9 @@ def _guess_channels(table: FileTable, names: Iterable[str], unit_of) -> dict[str
 
     A constant column is no motion.
     """
-    by_axis = sorted(names, key=lambda name: [split_words(name).isdisjoint(axis) for axis in AXES])
+    by_axis = sorted(
+        names, key=lambda name: [split_words(name).isdisjoint(axis) for axis in AXIS_NAMES]
+    )
     likely = [
         (name, order)
         for name in by_axis
@@ -262,7 +264,7 @@ def _guess_unit(table: FileTable, name: str, others: Iterable[str]) -> str:
     order = derivative_order(name, "") or 0
     alike = [each for each in others if derivative_order(each, "") == order and each != name]
     numbers = [table.numbers(each) for each in (name, *alike) if table.kind(each) == "number"]
-    return unit_in_name(name, ORDERS[order]) or likely_unit(order, numbers[0], numbers[1:])
+    return unit_in_name(name, MOTION_UNITS[order]) or likely_unit(order, numbers[0], numbers[1:])
 
 
 def find_clock(
@@ -349,7 +351,8 @@ def _find_rate(table: FileTable) -> str:
     """Return the sampling rate that a number of the file has by its name, else 25."""
     for name, value in table.scalars.items():
         bare = "".join(split_words(name))
-        rate = value if bare in RATES else 1.0 / value if bare in INTERVALS and value else np.nan
+        inverse = 1.0 / value if bare in INTERVAL_WORDS and value else np.nan
+        rate = value if bare in RATE_WORDS else inverse
         if 0.0 < rate < np.inf:
             return f"{rate:g}"
     return "25"

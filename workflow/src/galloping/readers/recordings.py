@@ -9,9 +9,10 @@ from galloping.readers.mapping import Channel, ColumnMapping
 from galloping.readers.series import Series
 from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Recording
 
-# In longest periods of the motion.
-MIN_PERIODS = 3  # of a part of a recording
-MAX_SILENCE = 6  # without samples of one sensor: over a longer time its motion is unknown
+# shortest part of a recording, in longest periods of the motion
+MIN_PART_PERIODS = 3
+# longest gap of one sensor over which its motion can be inferred, in longest periods
+MAX_SILENT_PERIODS = 6
 
 
 def make_recording(series: Series, mapping: ColumnMapping) -> Recording:
@@ -55,7 +56,7 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
 
     Neither the motion nor the clock is known over such a gap. A part also ends where an input is
     unknown, or where a sensor is silent for long while others are not. Parts with fewer than
-    MIN_SAMPLES samples or shorter than MIN_PERIODS are left out, unless no part is longer and the
+    MIN_SAMPLES samples or shorter than MIN_PART_PERIODS are left out, unless no part is longer and the
     inputs are known throughout. Raises ValueError if no part is left.
     """
     measured = np.any(np.isfinite(recording.values), axis=1)
@@ -64,7 +65,7 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     driven = np.full(len(recording.time), True)
     for driving in recording.inputs.values():
         driven = driven & driving.covered(recording.time)
-    is_known = driven & ~_find_silent_samples(recording, MAX_SILENCE * period)
+    is_known = driven & ~_find_silent_samples(recording, MAX_SILENT_PERIODS * period)
     rows = np.flatnonzero(measured & is_known)
     apart = np.diff(recording.time[rows]) > period
     apart |= np.diff(np.cumsum(~is_known)[rows]) > 0
@@ -72,14 +73,14 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     long = [
         slice(int(part[0]), int(part[-1]) + 1)
         for part in parts
-        if len(part) >= MIN_SAMPLES and np.ptp(recording.time[part]) >= MIN_PERIODS * period
+        if len(part) >= MIN_SAMPLES and np.ptp(recording.time[part]) >= MIN_PART_PERIODS * period
     ]
     if driven.all() and ((is_known.all() and len(parts) == 1) or not long):
         is_whole = not len(rows) or rows[-1] - rows[0] + 1 == len(recording.time)
         return [recording if is_whole else recording[rows[0] : rows[-1] + 1]]
     if not long:
         raise ValueError(
-            f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {MIN_PERIODS} "
+            f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {MIN_PART_PERIODS} "
             f"periods of {period:.3g} s in which the motion is measured"
         )
     return [recording[part] for part in long]

@@ -13,9 +13,9 @@ from galloping.arrays import finest_step
 from galloping.fields import list_first
 from galloping.identification.inputs import MIN_SAMPLES
 from galloping.passes import passing
-from galloping.readers import MAX_NAMES, FileError
+from galloping.readers import MAX_LISTED_NAMES, FileError
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
-from galloping.readers.file_table import MAX_SHOWN, FileTable, read_table
+from galloping.readers.file_table import MAX_NAME_LENGTH, FileTable, read_table
 from galloping.readers.hints import (
     is_clock_reading,
     likely_input_unit,
@@ -28,9 +28,9 @@ from galloping.readers.input_columns import count_rows_per_sample, read_inputs
 from galloping.readers.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.times import compute_seconds, find_instants, sort_samples
 from galloping.readers.units import (
-    ORDERS,
+    BRACKETED_UNIT,
+    MOTION_UNITS,
     TIME_SYMBOL,
-    WITH_UNIT,
     UnitError,
     input_si,
     parse_quantity,
@@ -40,20 +40,22 @@ from galloping.readers.units import (
 )
 from galloping.recording.samples import Input
 
-MISSING_CODES = (  # that loggers write for a missing sample, of either sign
+MISSING_CODES = (  # values of either sign that loggers write for missing samples
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
     6999, 7999, 32767, 32768,
 )  # fmt: skip
-MIN_FILL = 1e10  # of what files are filled with, such as 1e20, where nothing was measured
-STUCK_RATIO = 20  # length of a run of one value over nearly all others, if a sensor is stuck
-JOINT_REST_SHARE = 0.9  # of such a run, if all other sensors also rest: the motion rests
-SLOW_SHARE = 0.35  # of the usual speed: a slower motion comes to rest, or begins
-CORRELATION_MARGIN = 1e-9  # by which the correlation of two copies of a channel may be below 1
-# Two recordings share no block of so many rows by chance in which a column has more values.
-BLOCK_ROWS, MAX_VALUES = 20, 5
-MAX_WRAP_RATIO = 4.0  # of a step of an angle over the end of a turn to its largest other step
-FULL_TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # by the unit of an angle
-COLUMN_HINTS = {  # for a missing column, by its kind
+MIN_FILL_VALUE = 1e10  # smallest fill value of missing samples; 1e20 is usual
+MIN_STUCK_RATIO = 20  # length of a run of one value of a stuck sensor over nearly all other runs
+# share of such a run in which all other sensors also rest: above, the motion rests
+JOINT_REST_SHARE = 0.9
+MAX_REST_SPEED = 0.35  # speed over the usual speed of a motion that comes to rest or begins
+CORRELATION_MARGIN = 1e-9  # largest 1 - correlation of two copies of a channel
+# rows in a block that two recordings do not share by chance, and distinct values of each of its
+# columns below which they may
+BLOCK_ROWS, MAX_CHANCE_VALUES = 20, 5
+MAX_WRAP_RATIO = 4.0  # step of an angle over the end of a turn, over its largest other step
+FULL_TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # full turns by unit of an angle
+COLUMN_HINTS = {  # hints on a missing column, by its kind
     TimeColumn: "--time names the column of the times (time: in a mapping)",
     InputColumn: "an input has a column of its name, or of that in --input NAME=COLUMN",
     Channel: "--measure STATE=COLUMN says which column measures what (channels: in a mapping)",
@@ -89,7 +91,7 @@ class Series:
     @property
     def unused_note(self) -> str:
         """Note that lists the ignored columns of the file, '' if there are none."""
-        names = list_first([f"{name:.{MAX_SHOWN}}" for name in self.unused], MAX_NAMES)
+        names = list_first([f"{name:.{MAX_NAME_LENGTH}}" for name in self.unused], MAX_LISTED_NAMES)
         more = "to use a wind among them, add --input U=COLUMN"
         return f"columns that are not used: {names}; {more}" if names else ""
 
@@ -163,7 +165,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
         group = [channel for channel in mapping.channels if channel.measures == measures]
         if len(group) > 1 and all(channel.position is None for channel in group):
-            names = list_first([repr(channel.column) for channel in group], MAX_NAMES)
+            names = list_first([repr(channel.column) for channel in group], MAX_LISTED_NAMES)
             notes.append(f"columns {names} are averaged as {measures}: they have no position")
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = sort_samples(table, time, np.column_stack(columns), rows)
@@ -250,7 +252,7 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
 def check_no_shared_rows(series: Sequence[Series]) -> None:
     """Check that no file repeats BLOCK_ROWS consecutive rows of another file.
 
-    Raises FileError if one does. Blocks of rows in which no column has more than MAX_VALUES
+    Raises FileError if one does. Blocks of rows in which no column has more than MAX_CHANCE_VALUES
     different values are ignored.
     """
     known: dict[bytes, Series] = {}
@@ -258,7 +260,7 @@ def check_no_shared_rows(series: Sequence[Series]) -> None:
         blocks = sliding_window_view(one.values, BLOCK_ROWS, axis=0)
         for k, block in enumerate(blocks):
             other = known.get(block.tobytes())
-            if other and max(len(np.unique(column)) for column in block) > MAX_VALUES:
+            if other and max(len(np.unique(column)) for column in block) > MAX_CHANCE_VALUES:
                 raise FileError(
                     f"{one.path}: row {one.rows[k]} and those after it are also in {other.path}: "
                     "a recording counts once"
@@ -269,7 +271,7 @@ def check_no_shared_rows(series: Sequence[Series]) -> None:
 def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Find samples, (n,) boolean of each column, at which a sensor is stuck.
 
-    They repeat the one before, in a run STUCK_RATIO times as long as nearly all others, unless
+    They repeat the one before, in a run MIN_STUCK_RATIO times as long as nearly all others, unless
     the sensor rests. It rests together with the other columns, or from the first sample on, or it
     slows down before and speeds up after. A column with a single value is not stuck.
     """
@@ -292,9 +294,9 @@ def _find_held(values: np.ndarray) -> np.ndarray:
     """Find samples that repeat the one before in a long run, (n,) boolean."""
     changes = np.append(True, np.diff(values) != 0.0)
     runs = np.diff(np.append(np.flatnonzero(changes), len(values)))
-    least = STUCK_RATIO * np.quantile(runs, 0.99, method="lower")
+    least = MIN_STUCK_RATIO * np.quantile(runs, 0.99, method="lower")
     length = np.repeat(runs, runs)
-    return ~changes & (length >= max(least, STUCK_RATIO)) & (len(runs) > 1)
+    return ~changes & (length >= max(least, MIN_STUCK_RATIO)) & (len(runs) > 1)
 
 
 def _find_repeats(values: np.ndarray) -> np.ndarray:
@@ -319,7 +321,7 @@ def _is_slow(values: np.ndarray, first: int, end: int) -> bool:
     speed = np.abs(np.diff(values))
     width = max(min((end - first) // 4, len(speed) // 50), 4)
     usual = np.convolve(np.nan_to_num(speed), np.ones(width) / width, mode="valid")
-    most = SLOW_SHARE * np.quantile(usual, 0.95)
+    most = MAX_REST_SPEED * np.quantile(usual, 0.95)
     sides = speed[max(first - width, 0) : first], speed[end - 1 : end - 1 + width]
     return all(np.nanmean(side) <= most for side in sides if np.isfinite(side).any())
 
@@ -332,7 +334,7 @@ def _replace_codes(values: np.ndarray, of_file: np.dtype) -> tuple[np.ndarray, d
     """
     codes = np.asarray(MISSING_CODES, of_file if of_file.kind == "f" else float)
     known, counts = np.unique(values[np.isfinite(values)], return_counts=True)
-    fill = np.abs(known) >= MIN_FILL
+    fill = np.abs(known) >= MIN_FILL_VALUE
     used = np.isin(np.abs(known), codes) | (fill & (fill.sum() == 1))
     others = known[~used]
     if not used.any() or not len(others):
@@ -377,16 +379,16 @@ def _likely_unit(table: FileTable, name: str, si: str, alike: Sequence[str]) -> 
 
     Raises FileError if the name ends in brackets that contain no unit.
     """
-    if si not in ORDERS:
+    if si not in MOTION_UNITS:
         return "1"
     if unit := unit_in_name(name, si):
         return unit
-    if (match := WITH_UNIT.fullmatch(name)) and match["round"] not in (None, TIME_SYMBOL):
+    if (match := BRACKETED_UNIT.fullmatch(name)) and match["round"] not in (None, TIME_SYMBOL):
         raise FileError(
             f"{table.label(name)} has no unit: {match['round']!r} is no unit; say what one number "
             f"is, such as {unit_options([(name, f'2.5 m{si}')])}"
         )
-    return likely_unit(ORDERS.index(si), table.numbers(name), map(table.numbers, alike))
+    return likely_unit(MOTION_UNITS.index(si), table.numbers(name), map(table.numbers, alike))
 
 
 def _known_noise(table: FileTable, channel: Channel) -> float:

@@ -21,17 +21,17 @@ from galloping.readers.layout import (
 )
 from galloping.readers.units import split_header
 
-HEAD_BYTES = 65536  # from which the layout of a text table is determined
-BINARY_FORMATS = {  # first bytes of what is no text table, whatever its name
+HEAD_BYTES = 65536  # bytes from which the layout of a text table is determined
+BINARY_FORMATS = {  # formats by the first bytes of a file that is no text table
     b"PK\x03\x04": "a zip archive or an Excel sheet; unpack it, or name the sheet .xlsx",
     b"\x1f\x8b": "a gzip archive; unpack it",
     b"PAR1": "a Parquet file; name it .parquet",
     b"\x80": "a pickle, which is never loaded",
     b"<": "a web page or XML",
 }
-CHINESE = re.compile(rb"[\x81-\xfe]{4}")  # two characters of GB 18030; no Western words are such
-ENCODINGS = {"cp1252": "Windows-1252", "gb18030": "GB 18030"}  # besides those of Unicode
-MISSING_WORDS = {  # words for a missing sample, besides those that pandas knows
+CHINESE_TEXT = re.compile(rb"[\x81-\xfe]{4}")  # two GB 18030 characters, unlike Western words
+ENCODINGS = {"cp1252": "Windows-1252", "gb18030": "GB 18030"}  # encodings other than Unicode
+MISSING_WORDS = {  # words for a missing sample that pandas does not know
     "-", "--", "---", "?", "*", "***", "#nv", "#wert!", "#value!", "#ref!", "#div/0!", "overflow",
     "over", "ovl", "ovfl", "ofl", "ol", "underflow", "err", "error", "bad", "invalid", "missing",
     "no data", "nodata", "none", "fault", "fehler", "nan", "nan(ind)", "-nan(ind)", "n.a.",
@@ -54,7 +54,7 @@ def read_text(
     wide = head.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in head and not wide:
         raise FileError("not a text table in UTF-8 (it holds zero bytes)")
-    other = "gb18030" if CHINESE.search(head) else "cp1252"
+    other = "gb18030" if CHINESE_TEXT.search(head) else "cp1252"
     for encoding in ("utf-16",) if wide else ("utf-8-sig", other):  # the first that fits
         try:
             lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()

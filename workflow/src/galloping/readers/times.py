@@ -13,17 +13,17 @@ from galloping.readers.file_table import FileTable
 from galloping.readers.mapping import ColumnMapping, TimeColumn
 from galloping.readers.units import UnitError, factor
 
-DAYS = (
+DAY_FORMATS = (
     "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
     "%d/%m/%y", "%y/%m/%d", "%y-%m-%d", "%d-%m-%y", "%m-%d-%y", "%d-%b-%Y", "%d-%b-%y", "%d %b %Y",
 )  # fmt: skip
 MAX_RATE_ERROR = 0.01  # share by which a nominal rate may differ from that of a clock
-UNDATED_YEAR = 1900  # year that times of day have; dates on a day that is unknown are earlier
-HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
-HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
-WHOLE_SECONDS = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # may be among fractions of seconds
-ZONE = r":\d\d[^+\-Z]*(?:Z|[+-]\d\d(?::?\d\d)?)$"  # at the end of a time
-FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
+UNDATED_YEAR = 1900  # year of times without date; dates in this year or before have no known day
+HOUR_FORMATS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
+HOUR_FORMATS += [hours.replace(".%f", ":%f") for hours in HOUR_FORMATS]
+WHOLE_SECONDS = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # among times with fractions of seconds
+ZONE_PATTERN = r":\d\d[^+\-Z]*(?:Z|[+-]\d\d(?::?\d\d)?)$"  # time zone at the end of a time
+TIME_FORMATS = [f"{day} {hour}" for day in DAY_FORMATS for hour in HOUR_FORMATS] + HOUR_FORMATS
 
 
 def find_instants(
@@ -44,10 +44,10 @@ def find_instants(
         return None
     first = text.dropna()[:1]
     dates = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
-    if not text.str.contains(ZONE).any():
+    if not text.str.contains(ZONE_PATTERN).any():
         dates[0] = dates[0].dt.tz_localize(None)
     if dates[0].isna().all():
-        forms = [form for form in FORMS
+        forms = [form for form in TIME_FORMATS
                  if pd.to_datetime(first, format=form, errors="coerce").notna().all()]  # fmt: skip
         dates += [pd.to_datetime(text, format=form, errors="coerce") for form in forms]
     n_most = max(stamps.notna().sum() for stamps in dates)

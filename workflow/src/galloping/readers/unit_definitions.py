@@ -76,8 +76,7 @@ henry = volt * second / ampere
 tesla = volt * second / meter ** 2
 """
 
-# Prefixes that units are written with. Others are misprints, or no units at all: `CH1` is a
-# channel and no centihour.
+# Usual prefixes by unit. Others are misprints or no units: `CH1` is a channel and no centihour.
 PREFIXES = {
     "meter": {"nano", "micro", "milli", "centi", "deci", "kilo"},
     "second": {"nano", "micro", "milli"},

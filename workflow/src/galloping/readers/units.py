@@ -13,41 +13,44 @@ from galloping.model.polynomial import Exponents, velocity_pairs
 from galloping.readers.unit_definitions import DEFINITIONS, PREFIXES
 
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
-WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|[(（](?P<round>[^()（）]*)[)）])")
-WITHIN = re.compile(r"[(\[]([^()\[\]]*)[)\]]")  # a unit anywhere, as in `Position (m) Run #1`
-EMPTY: Mapping[str, Any] = MappingProxyType({})
-# `v, mm`, `v / mm` and `v in mm`
-BEHIND = re.compile(r"(?P<bare>.*[^\s,/])(?:\s*[,/]\s*|\s+in\s+)(?P<unit>[^\s,]+)")
-# Units that need no brackets behind a name. Other words behind a comma are part of the name.
+BRACKETED_UNIT = re.compile(
+    r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|[(（](?P<round>[^()（）]*)[)）])"
+)
+INNER_UNIT = re.compile(r"[(\[]([^()\[\]]*)[)\]]")  # a unit anywhere: `Position (m) Run #1`
+EMPTY_MAPPING: Mapping[str, Any] = MappingProxyType({})
+# a unit without brackets: `v, mm`, `v / mm` and `v in mm`
+TRAILING_UNIT = re.compile(r"(?P<bare>.*[^\s,/])(?:\s*[,/]\s*|\s+in\s+)(?P<unit>[^\s,]+)")
+# Units that need no brackets after a name. Other words after a comma are part of the name.
 UNBRACKETED_UNITS = {
     *(f"{prefix}m" for prefix in ("", "c", "d", "m", "µ", "μ", "u")), "s", "ms", "min", "sec",
     *(f"{of}m/s{power}" for of in ("", "c", "m") for power in ("", "2", "^2", "²")), "ft", "inch",
     "metres", "meters", "metre", "meter", "seconds", "millimetres", "millimeters", "g_n",
 }  # fmt: skip
-SPELLINGS = (  # as loggers write units, and as pint reads them
+SPELLINGS = (  # spellings of loggers, and their equivalents in pint
     (r"\bsek(unden?)?\b", "s"),
     (r"(?<=[a-zµμ])-(?=\d)", "^-"),
     (r"(?<=[a-zµμ])(?=\d)", "^"),
     (r"(?<=[a-z0-9])[.·](?=[a-z])", "*"),
     (r"\b([cmµμu]?m)s\^-([12])", r"\1/s^\2"),  # ms^-2 is m s^-2: nothing is measured per ms^2
 )
-# Form of a unit: factors with one exponent each. pint evaluates powers as Python does, and would
-# never end with `m**9**9**9`.
+# Valid units are factors with one exponent each: pint evaluates powers as Python does, and would
+# not return from `m**9**9**9`.
 MAX_UNIT_LENGTH = 40  # characters
 FACTOR = r"(?:1|[^\W\d_][^\W\d]*|°[CF]?|%|Ω)(?:(?:\^|\*\*)?[-+]?\d{1,2}|[⁺⁻]?[⁰¹²³⁴-⁹])?"
 EXPRESSION = re.compile(rf"[\s(]*{FACTOR}(?:[\s()*/.·]+{FACTOR})*[\s)]*")
-SCALED = re.compile(r"(\d+\.?\d*(?:[eE][-+]?\d{1,3})?|\.\d+)\s*([^\W\d].*|[°%].*)")  # `0.85 mm`
-TIME_SYMBOL = "t"  # in round brackets: `x (t)` is a function of time, and not in tonnes
+# a number and a unit, such as `0.85 mm`
+SCALED_UNIT = re.compile(r"(\d+\.?\d*(?:[eE][-+]?\d{1,3})?|\.\d+)\s*([^\W\d].*|[°%].*)")
+TIME_SYMBOL = "t"  # in round brackets: `x (t)` is a function of time, not in tonnes
 PIXELS = {"px", "pix", "pixel", "pixels"}
 DIRECTION = {"q_v": "vertical", "q_w": "horizontal"}
-ORDERS = ("m", "m/s", "m/s^2")  # the units of displacements, velocities and accelerations
-QUANTITIES = {  # of a span: meaning and unit
-    "d" * order + stem: (f"{direction} {kind}", ORDERS[order])
+MOTION_UNITS = ("m", "m/s", "m/s^2")  # units of displacements, velocities and accelerations
+QUANTITIES = {  # meanings and units of the states of a span
+    "d" * order + stem: (f"{direction} {kind}", MOTION_UNITS[order])
     for stem, direction in DIRECTION.items()
     for order, kind in enumerate(("displacement", "velocity", "acceleration"))
 }
-# Units of most columns: value in SI, and powers of m and s. All others are left to pint, which
-# takes a quarter of a second to load.
+# Units of most columns: value in SI, exponents of m and s. Other units are converted by pint, which
+# takes a quarter of a second to import.
 USUAL_UNITS = {
     "1": (1.0, 0, 0), "s": (1.0, 0, 1), "mm": (1e-3, 1, 0), "m": (1.0, 1, 0), "m/s": (1.0, 1, -1),
     "m/s^2": (1.0, 1, -2),
@@ -129,7 +132,7 @@ def factor(unit: str, wanted: str) -> float:
 
 def _split_scale(unit: str) -> tuple[float, str]:
     """Split a unit such as `0.85 mm`, the size of one count, into its number and the unit."""
-    match = SCALED.fullmatch(unit.strip())
+    match = SCALED_UNIT.fullmatch(unit.strip())
     if match and (size := float(match[1])) and size < np.inf:
         return size, match[2].strip()
     return 1.0, unit
@@ -142,7 +145,7 @@ def _as_gravity(unit: str) -> str:
 
 def is_scaled(unit: str) -> bool:
     """Decide whether a unit has a number before it, such as `0.85 mm`."""
-    return SCALED.fullmatch(unit.strip()) is not None
+    return SCALED_UNIT.fullmatch(unit.strip()) is not None
 
 
 def is_pixel(unit: str) -> bool:
@@ -188,15 +191,15 @@ def split_header(header: str) -> tuple[str, str]:
     of displacements, accelerations and times, and `v (mm) left`.
     """
     header = header.strip()
-    if match := WITH_UNIT.fullmatch(header):
+    if match := BRACKETED_UNIT.fullmatch(header):
         unit = (match["unit"] or match["round"] or "").strip()
         if match["unit"] is not None or (unit != TIME_SYMBOL and is_unit(unit)):
             return match["bare"], unit
-    for match in WITHIN.finditer(header):
+    for match in INNER_UNIT.finditer(header):
         before, after = header[: match.start()].strip(), header[match.end() :].strip()
         if before and after and is_unit(match[1].strip()):
             return f"{before} {after}", match[1].strip()
-    match = BEHIND.fullmatch(header)
+    match = TRAILING_UNIT.fullmatch(header)
     if match and match["unit"] in UNBRACKETED_UNITS:
         return match["bare"], match["unit"]
     return header, ""
@@ -292,7 +295,10 @@ def state_si(unit: str, target: str) -> tuple[float, str]:
 
 
 def coefficient_unit(
-    state: str, exponents: Exponents, names: Sequence[str], inputs: Mapping[str, str] = EMPTY
+    state: str,
+    exponents: Exponents,
+    names: Sequence[str],
+    inputs: Mapping[str, str] = EMPTY_MAPPING,
 ) -> str:
     """Derive the SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2.
 

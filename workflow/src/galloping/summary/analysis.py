@@ -28,8 +28,8 @@ from galloping.model.terms import known_model, parse_library
 from galloping.passes import part, passing
 from galloping.readers.mapping import ColumnMapping
 from galloping.readers.recordings import (
-    MAX_SILENCE,
-    MIN_PERIODS,
+    MAX_SILENT_PERIODS,
+    MIN_PART_PERIODS,
     make_recording,
     note_missing_inputs,
     split_recording,
@@ -124,9 +124,9 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
-                f"divided at gaps longer than a period of {period:.3g} s, or than {MAX_SILENCE} "
-                f"periods of one sensor alone: {len(parts)} recordings of {MIN_PERIODS} periods "
-                f"or more, {kept:.4g} s in all"
+                f"divided at gaps longer than a period of {period:.3g} s, or than "
+                f"{MAX_SILENT_PERIODS} periods of one sensor alone: {len(parts)} recordings of "
+                f"{MIN_PART_PERIODS} periods or more, {kept:.4g} s in all"
             )
         recordings += parts
         names += [

@@ -13,7 +13,7 @@ from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.proposal import PROPOSAL_ROWS, find_clock
 from galloping.readers.series import read_series
-from galloping.readers.units import EMPTY
+from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import Input
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def read_model_inputs(
     at: Sequence[str],
     path: str | None,
     time: str | None = None,
-    kinds: Mapping[str, str] = EMPTY,
+    kinds: Mapping[str, str] = EMPTY_MAPPING,
 ) -> dict[str, Input | float]:
     """Collect the inputs that drive a model: constants from option texts, others from a file.
 

@@ -47,7 +47,7 @@ from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import identify_excerpts
 from galloping.inspection.quality import MIN_PERIODS, find_peaks, sampled_time, spectrum
 from galloping.passes import part, passing
-from galloping.readers.units import EMPTY
+from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import Input, Recording, typical_inputs
 from galloping.summary.advice import Advice, advise
 from galloping.summary.numbers import compute_numbers
@@ -302,7 +302,7 @@ def forecast(
     time: ArrayLike | None = None,
     *,
     window: float | None = None,
-    inputs: Mapping[str, Input | float] = EMPTY,
+    inputs: Mapping[str, Input | float] = EMPTY_MAPPING,
     seed: int = 0,
 ) -> Forecast:
     """Forecast the samples after the end of a recording, as a median and a 90 % band.
