@@ -151,7 +151,7 @@ def test_what_is_not_as_its_receipt_says_is_named(harm):
     findings = look()
     assert (findings.damaged, findings.missing) == ((model,), (lost,))
     assert (findings.unrecorded, findings.unseen) == ((table,), ())
-    kept.SEEN.unlink()
+    kept.DIGEST_FILE.unlink()
     findings = look()
     assert (findings.damaged, findings.unrecorded, findings.unseen) == ((model,), (), (model,))
 

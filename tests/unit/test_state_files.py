@@ -9,7 +9,7 @@ import pytest
 
 from galloping.reproducibility.lock import FOLDERS, Obstacle, check_places
 from galloping.reproducibility.receipts import (
-    SEEN,
+    DIGEST_FILE,
     Receipt,
     inspect,
     read_receipt,
@@ -42,8 +42,8 @@ DAMAGED = [
 
 @pytest.mark.parametrize("content", DAMAGED)
 def test_a_damaged_memory_of_digests_is_left_aside(content):
-    SEEN.parent.mkdir()
-    SEEN.write_text(content)
+    DIGEST_FILE.parent.mkdir()
+    DIGEST_FILE.write_text(content)
     findings = inspect(RESULTS, read_receipts(RESULTS))
     assert findings.damaged == (TABLE,) and findings.unseen == (TABLE,)
     remember(RESULTS, findings)
@@ -70,7 +70,7 @@ def test_a_receipt_with_values_of_another_type_is_none(name, value):
 @pytest.mark.parametrize(
     ("path", "is_folder"),
     [(".snakemake", False), (RESULTS + "/logs", False), (RESULTS + "/models", False),
-     (RESULTS + "/report.html", True), (RESULTS + "/.running", True), (str(SEEN), True)],
+     (RESULTS + "/report.html", True), (RESULTS + "/.running", True), (str(DIGEST_FILE), True)],
 )  # fmt: skip
 def test_what_lies_where_something_else_belongs_is_named(path, is_folder):
     check_places(RESULTS)

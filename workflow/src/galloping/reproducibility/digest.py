@@ -25,9 +25,9 @@ from packaging.utils import canonicalize_name
 from galloping import deferred
 
 PACKAGE = Path(__file__).parents[1].name
-# Logs, receipts, messages and progress: no number depends on them.
-UNCOUNTED = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
-DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+# modules without effect on numbers: logs, receipts, messages and progress
+UNCOUNTED_MODULES = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
+DOCSTRING_NODES = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 
 @cache
@@ -92,7 +92,7 @@ def _parse_module(path: Path) -> _Module:
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:  # absolute: ruff refuses others
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+        elif isinstance(node, DOCSTRING_NODES) and ast.get_docstring(node, clean=False) is not None:
             del node.body[0]
     tops = {name.partition(".")[0] for name in names}
     files = {
@@ -117,7 +117,9 @@ def _module_files(name: str) -> list[Path]:
     """List the files that importing a module runs: its own and those of its parents."""
     parts = name.split(".")
     names = (".".join(parts[: k + 1]) for k in range(len(parts)))
-    return [file for name in names if name not in UNCOUNTED and (file := deferred.file_of(name))]
+    return [
+        file for name in names if name not in UNCOUNTED_MODULES and (file := deferred.file_of(name))
+    ]
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:

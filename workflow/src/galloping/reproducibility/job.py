@@ -24,10 +24,10 @@ from galloping.reproducibility.receipts import (
     write_receipt,
 )
 
-# Prefixes of the last line of a log; the log of a killed job has neither.
+# prefixes of the last line of a log; the log of a killed job has neither
 FINISHED, FAILED = "Finished: ", "Failed: "
-CODE = "code"  # the param with the digest of a job's code, see `digest`
-RESULTS = "results"  # the folder of results, and the key by which a configuration names another one
+CODE = "code"  # param with the digest of a job's code, see `digest`
+RESULTS = "results"  # folder of results, and the configuration key that names another folder
 
 
 def run(function: Callable[..., None], job) -> None:

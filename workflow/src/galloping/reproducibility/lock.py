@@ -14,13 +14,13 @@ import psutil
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.storage import PARTIAL_PREFIX
 
-MARK = ".running"  # in the results folder: the process that works there, empty if none does
-RESULTS_VARIABLE = "GALLOPING_RESULTS"  # in the environment of all that a run starts
-MIN_FREE_SPACE = 1 << 20  # bytes: with less, Snakemake cannot even keep its records
-TIME_TO_END = 5.0  # s
+LOCK_FILE = ".running"  # file in the results that names the working process, empty without one
+RESULTS_VARIABLE = "GALLOPING_RESULTS"  # environment variable of all processes of a run
+MIN_FREE_SPACE = 1 << 20  # bytes of free disk space: Snakemake's records need less
+MAX_END_TIME = 5.0  # s: time in which interrupted processes must end
 
 
-# of the results; a test compares them with the rules
+# folders of the results; a test compares them with the rules
 FOLDERS = (
     "assessment", "benchmarks", "bounds", "figures", "identified", "logs", "models", "oracles",
     "paper", "reconstructions", "recordings", "reproduction", "scores", "sweeps",
@@ -50,7 +50,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
     if others := list_snakemakes(Path.cwd()):
         raise Obstacle(_describe_holder(others[0].pid))
     Path(results).mkdir(parents=True, exist_ok=True)
-    with Path(results, MARK).open("a+", encoding="ascii") as mark:
+    with Path(results, LOCK_FILE).open("a+", encoding="ascii") as mark:
         mark.seek(0)
         try:
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -99,7 +99,7 @@ def check_places(results: str) -> None:
     """Raise Obstacle if a file is in the place of a folder of the study, or vice versa."""
     root = Path(results)
     folders = (Path(".snakemake"), *reversed(root.parents), root, *map(root.joinpath, FOLDERS))
-    files = (Path(".snakemake", "seen.json"), root / MARK, root / "report.html")
+    files = (Path(".snakemake", "seen.json"), root / LOCK_FILE, root / "report.html")
     wrong = [(path, "file", "folder") for path in folders if path.exists() and not path.is_dir()]
     wrong += [(path, "folder", "file") for path in files if path.is_dir()]
     for path, kind, wanted in wrong:
@@ -147,7 +147,7 @@ def end_orphans(results: str) -> int:
         for process in orphans:
             with suppress(psutil.NoSuchProcess):
                 end(process)
-        psutil.wait_procs(orphans, timeout=TIME_TO_END)
+        psutil.wait_procs(orphans, timeout=MAX_END_TIME)
     return len(orphans)
 
 

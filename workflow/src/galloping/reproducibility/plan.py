@@ -43,8 +43,8 @@ from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
 CONFIGURATION = "config/config.yaml"
-JOB_START = 1.5  # s that a job takes to start, not included in receipts
-MAX_LISTED = 3  # edits and rules that are named one by one
+JOB_START = 1.5  # s: time that a job takes to start, not included in receipts
+MAX_LISTED = 3  # edits and rules that a message lists
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from galloping.storage import read_json, write_json
 
 SUFFIX = ".receipt"
 RECEIPTS = "receipts"  # name of an output of every rule
-CAPTION = "caption"  # name of a param that only Snakemake's report reads
-# Size, times and digest of each file that was read, by study. The file is in Snakemake's folder, so
-# that it is lost together with Snakemake's records.
-SEEN = Path(".snakemake/seen.json")
+CAPTION = "caption"  # name of a param that only Snakemake's report uses
+# Size, times and digest of each input file, by study. The file is in Snakemake's folder, so that it
+# is deleted together with Snakemake's records.
+DIGEST_FILE = Path(".snakemake/seen.json")
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def remember(results: str, findings: Deviations) -> None:
     lost = {p: of for p, of in seen.get(results, {}).items() if p in findings.missing}
     if (now := seen | {results: lost | findings.present}) != seen:
         with suppress(OSError):  # a loss of time only; other writers report a full disk
-            write_json(SEEN, now)
+            write_json(DIGEST_FILE, now)
 
 
 def _file_state(path: str) -> list[int] | None:
@@ -188,7 +188,7 @@ def _file_state(path: str) -> list[int] | None:
 def _read_seen() -> dict[str, dict[str, list]]:
     """Read remembered states by study, perhaps in another's folder, and path; skip damaged ones."""
     try:
-        content = read_json(SEEN)
+        content = read_json(DIGEST_FILE)
     except (OSError, ValueError, RecursionError):
         return {}
     studies = content.items() if isinstance(content, dict) else ()
