@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
 
-EVERY = ""  # table
-WHOLE = ""  # column
+EVERY_TABLE = ""  # name of the table in rows about columns of all tables
+WHOLE_TABLE = ""  # name of the column in rows about a table
 
 
 @cache
@@ -34,19 +34,24 @@ def columns(settings: Mapping) -> pd.DataFrame:
     """
     import pandas as pd
 
-    shown = {EVERY, *settings["tables"]}
-    rows = (row for row in _read_dictionary() if row["column"] != WHOLE and row["table"] in shown)
+    shown = {EVERY_TABLE, *settings["tables"]}
+    rows = (
+        row for row in _read_dictionary() if row["column"] != WHOLE_TABLE and row["table"] in shown
+    )
     return pd.DataFrame(rows)
 
 
 def captions() -> dict[str, str]:
     """Return the caption of each table of a study, in reStructuredText, by table name."""
-    return {row["table"]: row["meaning"] for row in _read_dictionary() if row["column"] == WHOLE}
+    return {
+        row["table"]: row["meaning"] for row in _read_dictionary() if row["column"] == WHOLE_TABLE
+    }
 
 
 def meaning(table: str, column: str) -> str:
     """Return the meaning and unit of a table column as text, '' if it is not documented."""
-    rows = [r for r in _read_dictionary() if r["column"] == column and r["table"] in (EVERY, table)]
+    rows = [r for r in _read_dictionary() if r["column"] == column]
+    rows = [r for r in rows if r["table"] in (EVERY_TABLE, table)]
     if not rows:
         return ""
     row = max(rows, key=lambda row: row["table"])  # of this table, if there is one

@@ -8,7 +8,7 @@ import pandas as pd
 from markupsafe import Markup
 
 FACTOR = re.compile(r"(d?)q_(\w)(?:\^(\d+))?")
-FIT = ["protocol", "method", "level"]
+FIT_COLUMNS = ["protocol", "method", "level"]
 
 
 def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, dict] | None:
@@ -22,7 +22,7 @@ def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, di
         return None
     found = {}
     for equation, of_equation in table.groupby("equation", sort=False):
-        fits = dict(list(of_equation.groupby(FIT, sort=False)))
+        fits = dict(list(of_equation.groupby(FIT_COLUMNS, sort=False)))
         heads = [_format_head(method, level, labels) for _, method, level in fits]
         if len(set(heads)) < len(heads):
             heads = [f"{head}, {fit[0]}" for head, fit in zip(heads, fits, strict=True)]

@@ -21,13 +21,15 @@ from galloping.report.data_dictionary import meaning
 from galloping.reproducibility.digest import Commit, environment
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "pysindy", "matplotlib", "snakemake")
-PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
-# of an SVG: text before it, comments, metadata and title
-UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<(metadata|title)>.*?</\1>\s*", re.DOTALL)
-OF_PAPER = re.compile(r"figure(\d\d)")  # names of figures of the paper
+URI_CHARACTERS = " !'()*,/:;=@[]{}|^+"  # not escaped in a data URI between double quotes
+# invisible parts of an SVG: text before it, comments, metadata and title
+INVISIBLE_PARTS = re.compile(
+    r"\A.*?(?=<svg)|<!--.*?-->\s*|<(metadata|title)>.*?</\1>\s*", re.DOTALL
+)
+PAPER_FIGURE = re.compile(r"figure(\d\d)")  # name of a figure of the paper
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
-ENLARGED = 1.8  # px of the page for a pt of a figure
-COLUMN = 260.0  # pt: wider figures have the width of the page
+PIXELS_PER_POINT = 1.8  # scale of a figure on the page
+COLUMN_WIDTH = 260.0  # pt: wider figures fill the width of the page
 PARTS = {"paper": "The paper", "methods": "Methods", "engineering": "Line engineering"}
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
@@ -50,7 +52,7 @@ class Item:
         found = TITLE.search(self._svg_text)
         text = unescape(found[1]) if found else self.label
         text = text[:1].upper() + text[1:]
-        number = OF_PAPER.fullmatch(self.name)
+        number = PAPER_FIGURE.fullmatch(self.name)
         return f"Figure {int(number[1])}. {text}" if number else text
 
     @property
@@ -71,13 +73,13 @@ class Item:
     @property
     def is_wide(self) -> bool:
         """Whether the figure is wider than a column of the page."""
-        return self._width_in_points > COLUMN
+        return self._width_in_points > COLUMN_WIDTH
 
     @property
     def width(self) -> str:
         """Width of an SVG figure on the page as a CSS length; '' for other files."""
         points = self._width_in_points
-        return f"{ENLARGED * points:.0f}px" if isfinite(points) else ""
+        return f"{PIXELS_PER_POINT * points:.0f}px" if isfinite(points) else ""
 
     @property
     def uri(self) -> Markup:
@@ -87,9 +89,9 @@ class Item:
         else:  # base64 would be longer
             text = self.path.read_text(encoding="utf-8")
             if self.path.suffix == ".svg":
-                text = UNSEEN.sub("", text).replace("; ", ";")
+                text = INVISIBLE_PARTS.sub("", text).replace("; ", ";")
                 text = text.replace('"', "'").replace("\n", " ") if "'" not in text else text
-            content = f"charset=utf-8,{quote(text, safe=PLAIN)}"
+            content = f"charset=utf-8,{quote(text, safe=URI_CHARACTERS)}"
         return Markup(f"data:{MEDIA[self.path.suffix]};{content}")
 
     @property

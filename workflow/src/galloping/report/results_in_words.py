@@ -12,8 +12,8 @@ from galloping.recording.measurement import DEVIATION_UNIT
 from galloping.results import BOUND, MAIN_METHOD, PAPER_METHOD
 from galloping.tables.scores import CHOSEN
 
-NONE: Mapping[str, str] = MappingProxyType({})
-LEVEL = 0.05  # of the noise that sentences are about, or the nearest of the study
+NO_LABELS: Mapping[str, str] = MappingProxyType({})
+NOISE_LEVEL = 0.05  # level that sentences describe, or the nearest level of the study
 
 
 def on_methods(
@@ -21,7 +21,7 @@ def on_methods(
     case: str,
     protocol: str,
     noise_unit: str,
-    labels: Mapping[str, str] = NONE,
+    labels: Mapping[str, str] = NO_LABELS,
 ) -> list[str]:
     """Write the report's sentences on how well the methods identify models, from result tables.
 
@@ -180,7 +180,7 @@ def _select_level(table: pd.DataFrame) -> pd.DataFrame:
     levels = table.loc[table["level"] > 0, "level"]
     if levels.empty:
         return table[:0]
-    return table[table["level"] == levels.loc[(levels - LEVEL).abs().idxmin()]]
+    return table[table["level"] == levels.loc[(levels - NOISE_LEVEL).abs().idxmin()]]
 
 
 def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_unit: str) -> str:
