@@ -23,7 +23,7 @@ from galloping.storage import read_json, write_arrays, write_json, write_rows
 if TYPE_CHECKING:
     import pandas as pd
 
-CHANNELS = ("time", "values", "rates")  # of a recording
+CHANNELS = ("time", "values", "rates")  # arrays of a recording
 
 
 def read(path: str | os.PathLike) -> object:

@@ -23,8 +23,8 @@ from galloping.results import (
 from galloping.study.cells import Case, Cell, Study
 
 Pair = tuple[Protocol, Method]
-# settings of the whole study whose defaults are printed in the paper
-PRINTED_OF_STUDY = (
+# settings of the whole study whose defaults the paper prints
+PRINTED_SETTINGS = (
     "simulation.duration",
     "simulation.sampling_rate",
     "simulation.steady_window",
@@ -52,7 +52,7 @@ def departures(settings: Settings) -> dict[str, str]:
     library is unchanged. Other settings do not matter.
     """
     cases, study, papers = settings.cases, plain(settings), plain(load({}))
-    changed = (_describe_change(key, study, papers) for key in PRINTED_OF_STUDY)
+    changed = (_describe_change(key, study, papers) for key in PRINTED_SETTINGS)
     of_study = next(filter(None, changed), "")
     return {
         name: _describe_departure(cases.get(name), case) or of_study
