@@ -2,7 +2,7 @@
 from functools import cache, partial, reduce
 from operator import getitem
 
-from galloping.summary import OUTPUTS, SHOWN as SHOWN_OF_FIELD
+from galloping.summary import OUTPUTS, REPORT_OUTPUTS as SHOWN_OF_FIELD
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import RESULTS_VARIABLE
 from galloping.report import data_dictionary

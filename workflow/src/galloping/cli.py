@@ -186,7 +186,7 @@ def identify(
     from galloping.summary import OUTPUTS
     from galloping.summary.analysis import FieldQuestion, analyse, read_field
     from galloping.summary.csv_rows import model_rows
-    from galloping.summary.wording import TECHNICAL
+    from galloping.summary.wording import TECHNICAL_TITLE
 
     forced = () if random_force is None else tuple(map(str.strip, random_force.split(",")))
     question = FieldQuestion(degree or 3, method, known, seed, library, forced)
@@ -217,7 +217,9 @@ def identify(
         }  # fmt: skip
         click.echo(json_text(content))
     else:
-        text, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
+        text, _, _ = (
+            (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL_TITLE)
+        )
         click.echo(f"{text}Written to {output}: summary.md also contains the technical part")
     if identified.status == "refused":
         raise SystemExit(EXIT_REFUSED)

@@ -13,7 +13,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.polynomial import velocity_pairs
 from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import Input, Recording
-from galloping.summary.summarise import PERIODS, forecast, longest_period, simulate_beside
+from galloping.summary.summarise import START_PERIODS, forecast, longest_period, simulate_beside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,7 @@ def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
     with styled(FONT_SIZE):
         if model.is_forced:
             return draw_spectra(model, given[-1])
-        length = min(PERIODS * longest_period(given), np.ptp(given[-1].time))
+        length = min(START_PERIODS * longest_period(given), np.ptp(given[-1].time))
         return draw_fit(given[-1], simulate_beside(model, given[-1], length))
 
 
@@ -129,7 +129,9 @@ def plot_phase(
         raise ValueError(f"states: {list(shown)!r:.60}; {allowed}")
     columns = [names.index(name) for name in shown]
     follow, time = Following(model, without_outliers(recording)), recording.time
-    first_periods = slice(0, int(np.searchsorted(time, time[0] + PERIODS * longest_period(given))))
+    first_periods = slice(
+        0, int(np.searchsorted(time, time[0] + START_PERIODS * longest_period(given)))
+    )
     start = follow.fit_start(first_periods)
     with styled(FONT_SIZE):
         space: dict[str, Any] = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}

@@ -15,10 +15,11 @@ from galloping.model.polynomial import term_name, velocity_pairs
 from galloping.readers.units import coefficient_unit, is_span, state_unit
 from galloping.recording.samples import Recording
 
-RELEASE_FACTOR = 1.5  # of the initial displacement to the largest recorded one, from rest
-MAX_FACTOR = 2.0  # of a displacement to the same: the model is unknown beyond
-MAX_PERIODS = 60  # of a further recording
-SAMPLES_PER_PERIOD = 40  # of the sum of information: more samples count by a smaller noise
+RELEASE_FACTOR = 1.5  # proposed initial displacement over the largest recorded one, from rest
+MAX_RELEASE_FACTOR = 2.0  # later displacement over the same; the model is unknown beyond
+MAX_PERIODS = 60  # length of a further recording, periods
+# samples in the sum of information; a higher rate is represented by a smaller noise
+SAMPLES_PER_PERIOD = 40
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def _list_further_recordings(
             start[list(pairs.values())] = 0.0
             start[k] = height
             distances = np.abs(identified.simulate(start, first.time).states[:, k] - rest[k])
-            if not np.all(distances < MAX_FACTOR * recorded):
+            if not np.all(distances < MAX_RELEASE_FACTOR * recorded):
                 continue
             at_rest = " at rest" if pairs else ""
             place = f"{states[k]} = {height:g} {state_unit(states[k])}".removesuffix(" 1")

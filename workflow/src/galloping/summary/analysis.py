@@ -42,9 +42,9 @@ from galloping.summary.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.summary.numbers import compute_numbers
 from galloping.summary.summarise import METHODS, Summary, longest_period, summarise_with
 from galloping.summary.terminal import SEARCH_SHARE, json_text
-from galloping.summary.wording import BETWEEN_IN_WORDS, escape_markdown, render_summary
+from galloping.summary.wording import INTERPOLATION_WORDS, escape_markdown, render_summary
 
-FAULTS = (  # of channels, for which there may be no model
+CHANNEL_FAULTS = (  # faults that may explain why no model was found
     Code.CLIPPED, Code.CHANNEL_JUMPS, Code.MEAN_MOVES, Code.MOSTLY_NOISE, Code.SHOWN_TWICE,
 )  # fmt: skip
 
@@ -76,7 +76,7 @@ class Field:
                 if one["between"] != kinds.get(one["name"], one["between"]):
                     one["between"] = kinds[one["name"]]
                     report["notes"].append(
-                        f"input {one['name']} is {BETWEEN_IN_WORDS[one['between']]} between its "
+                        f"input {one['name']} is {INTERPOLATION_WORDS[one['between']]} between its "
                         "samples, as the motion shows"
                     )
         series = tuple(
@@ -101,7 +101,7 @@ class Field:
             replace(one, subject=escape_markdown(f"{one.subject} of {report['file']}"))
             for report in self.reports
             for problem in report["problems"]
-            if (one := make_finding(problem)).code in FAULTS
+            if (one := make_finding(problem)).code in CHANNEL_FAULTS
         ]
 
 

@@ -12,7 +12,7 @@ from galloping.readers.units import EMPTY_MAPPING, coefficient_unit
 if TYPE_CHECKING:
     from galloping.behaviour.forecast import Forecast
 
-MODEL_COLUMNS = {  # with the unit of each
+MODEL_COLUMNS = {  # units by column
     "equation": "", "term": "", "coefficient": "of the row", "unit": "",
     "standard_error": "of the row", "low": "of the row", "high": "of the row", "verdict": "",
 }  # fmt: skip

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 DPI, FONT_SIZE = 150, 8
 ROW_HEIGHT = 1.7  # inches
-LABEL_WIDTH = 26  # letters in the height of a row
-ENVELOPE_POINTS = 1500  # of an envelope: more than a figure has pixels
-SEGMENTS = 6  # of a recording, whose spectra are averaged
-DECADES = 6  # of a spectrum that are shown
-EDGE = "#a8741a"  # of the band, which is visible in grey, too
-MARK: Mapping[str, Any] = {"color": PAPER, "lw": 0.8, "ls": ":"}
+MAX_LABEL_LETTERS = 26  # letters of a label along the height of a row
+ENVELOPE_POINTS = 1500  # points of an envelope, more than a figure has pixels
+SPECTRUM_SEGMENTS = 6  # segments of a recording whose spectra are averaged
+SPECTRUM_DECADES = 6  # plotted decades of a spectrum
+BAND_EDGE = "#a8741a"  # color of the edges of a band, also visible in grey
+MARK_STYLE: Mapping[str, Any] = {"color": PAPER, "lw": 0.8, "ls": ":"}
 
 
 def draw_quality(
@@ -76,9 +76,9 @@ def draw_quality(
         left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
         known = np.isfinite(values)
         frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
-        share = np.maximum(share, share.max() * 10.0**-DECADES)
+        share = np.maximum(share, share.max() * 10.0**-SPECTRUM_DECADES)
         for first in dominant[:1]:
-            right.axvline(first, **MARK, label="dominant")
+            right.axvline(first, **MARK_STYLE, label="dominant")
             right.annotate(
                 f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
                 xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
@@ -127,7 +127,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     step = recording.step
     grid = place_on_grid(recording.time, channels.samples(recording), step)
     filled = np.nan_to_num(grid - np.nanmean(grid, axis=0))
-    long = max(len(filled) // SEGMENTS, 8)
+    long = max(len(filled) // SPECTRUM_SEGMENTS, 8)
     frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
     power /= np.isfinite(grid).mean(axis=0)
     shown = frequency > 0
@@ -166,8 +166,8 @@ def draw_forecast(
         axes.plot(ahead.time[is_shown], ahead.median[is_shown, k], color=MODEL, lw=0.6, zorder=3,
                   label="forecast, median")  # fmt: skip
         low, high = ahead.low[is_shown, k], ahead.high[is_shown, k]
-        parts.band(axes, ahead.time[is_shown], low, high, "90 % of samples", ec=EDGE, lw=0.4)
-        axes.axvline(begin, **MARK, label="begin of the forecast")
+        parts.band(axes, ahead.time[is_shown], low, high, "90 % of samples", ec=BAND_EDGE, lw=0.4)
+        axes.axvline(begin, **MARK_STYLE, label="begin of the forecast")
     parts.legend(figure)
     return figure
 
@@ -186,7 +186,7 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
     for k, (axes, state) in enumerate(zip(row, states, strict=True)):
         parts.letter(axes, k, meaning(state) or state)
         for onset in assessment.onsets:
-            axes.axvline(onset.value.value, **MARK, label="onset")
+            axes.axvline(onset.value.value, **MARK_STYLE, label="onset")
             ends = np.clip((onset.value.low, onset.value.high), *assessment.span)
             axes.axvspan(*ends, color=SHADE, lw=0, zorder=0, label="onset, 95 %")
         for chain in _chains(assessment):
@@ -198,7 +198,7 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
             axes.plot(
                 x, y, color=MODEL, lw=0.6, marker="o", ms=3, ls="-" if stable else "--", **look
             )
-            parts.band(axes, x, low, high, "95 % interval", ec=EDGE, lw=0.4)
+            parts.band(axes, x, low, high, "95 % interval", ec=BAND_EDGE, lw=0.4)
         unit = units.get(name, "")
         axes.set(xlabel=f"{name}, {unit}" if unit else name, xlim=assessment.span,
                  ylabel=f"half range of {_format_label(state)}")  # fmt: skip
@@ -239,7 +239,7 @@ def _make_channel_panels(
     height = 0.6 + ROW_HEIGHT * len(shown)
     figure, grid = parts.panels(height, len(shown), columns, sharex="col", sharey="row")
     for row, k in zip(grid, shown, strict=True):
-        row[0].set_ylabel(fill(_format_label(sensed.names[k]), LABEL_WIDTH))
+        row[0].set_ylabel(fill(_format_label(sensed.names[k]), MAX_LABEL_LETTERS))
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     panels = {

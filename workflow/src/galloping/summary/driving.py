@@ -19,9 +19,11 @@ from galloping.recording.samples import Input
 if TYPE_CHECKING:
     from galloping.summary.analysis import Field
 
-DEFAULT_VALUES, MAX_VALUES = 9, 200  # of a range without a step; of any range
-ROUNDING = 1e-9  # of a range, in steps
-PERIODS, PER_PERIOD = 60, 60  # of a simulation, and samples of each
+N_DEFAULT_VALUES = 9  # values in a range without a step
+MAX_RANGE_VALUES = 200  # values in any range
+STEP_ROUNDING = 1e-9  # tolerance of the length of a range, in steps
+SIMULATED_PERIODS = 60  # length of a simulation, in slowest periods
+SAMPLES_PER_PERIOD = 60  # samples of the fastest period
 
 
 def read_model_inputs(
@@ -121,7 +123,7 @@ def choose_sampling(
         for name, one in inputs.items()
     }
     pace = Pace.of(model.at(means), start)
-    duration, rate = PERIODS * pace.slow, PER_PERIOD / pace.fast
+    duration, rate = SIMULATED_PERIODS * pace.slow, SAMPLES_PER_PERIOD / pace.fast
     return float(f"{duration:.2g}"), float(f"{rate:.2g}")
 
 
@@ -155,7 +157,7 @@ def parse_input_values(
         except ValueError:
             values = []
         low, high = (*values, *values, np.nan, np.nan)[:2]  # a single value is both
-        step = values[2] if len(values) > 2 else (high - low) / (DEFAULT_VALUES - 1)
+        step = values[2] if len(values) > 2 else (high - low) / (N_DEFAULT_VALUES - 1)
         if len(values) > 3 or not np.isfinite([low, high, step]).all() or low > high:
             raise ValueError(
                 f"--at {text}: must be one value, {name}=12, or a range with or without a step, "
@@ -164,8 +166,8 @@ def parse_input_values(
         if low == high:
             values_by_input[name] = low
             continue
-        n_steps = (high - low) / step + ROUNDING if step > 0 else 0
-        if not 1 <= n_steps < MAX_VALUES:
-            raise ValueError(f"--at {text}: must be 2 to {MAX_VALUES} values")
+        n_steps = (high - low) / step + STEP_ROUNDING if step > 0 else 0
+        if not 1 <= n_steps < MAX_RANGE_VALUES:
+            raise ValueError(f"--at {text}: must be 2 to {MAX_RANGE_VALUES} values")
         values_by_input[name] = low + step * np.arange(int(n_steps) + 1)
     return values_by_input

@@ -21,7 +21,8 @@ HELPS = {
     "clocks": "one clock for all sensors, and samples at regular times",
 }
 WIND, PLACES = HELPS["wind"], HELPS["places"]
-MIN_ERROR = 0.01  # relative, of a coefficient that a further recording should determine better
+# standard error of a coefficient, relative, above which a further recording is proposed
+MIN_ERROR = 0.01
 
 
 def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:

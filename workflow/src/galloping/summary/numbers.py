@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from galloping.summary.advice import Advice
     from galloping.summary.summarise import Summary
 
-MAX_ABSENT = 3  # terms that are listed because they may be undetected
+MAX_ABSENT_TERMS = 3  # listed terms that may exist undetected
 PERCENT = "% of critical"
 
 
@@ -389,7 +389,7 @@ def _list_absent(
     largest = np.abs(design_matrix(np.array([signals]), model.terms)[0])
     shares = found.detection_limits * largest * time / sizes[:, np.newaxis]
     shares = np.where(np.isfinite(shares), shares, -1.0)
-    flat = np.argsort(-shares, axis=None, kind="stable")[:MAX_ABSENT]
+    flat = np.argsort(-shares, axis=None, kind="stable")[:MAX_ABSENT_TERMS]
     inputs = {**dict.fromkeys(model.inputs, ""), **units}
     for i, j in zip(*np.unravel_index(flat, shares.shape), strict=True):
         if shares[i, j] > 0.0:

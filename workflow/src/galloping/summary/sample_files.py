@@ -3,8 +3,8 @@
 The motions are of kinds that are often recorded and easily misinterpreted: very small units of
 length or long ones of time, a release after rest, decays with a knock or to rest, dry friction, a
 pendulum at large angles, the steady force of a machine, and measured forces that step, are held
-between samples, or have two values only. Each replicate draws frequency and damping within SPREAD
-of nominal ones, and the noise. The examples of the project are used unchanged.
+between samples, or have two values only. Each replicate draws frequency and damping within
+NOMINAL_SPREAD of nominal ones, and the noise. The examples of the project are used unchanged.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,14 +29,14 @@ from galloping.summary.analysis import Field, FieldQuestion, identify_field, rea
 from galloping.summary.summarise import Summary
 from galloping.trials.attempts import FAR, against_truth, counted_cost, describe_answer
 
-SPREAD = 0.1  # of a nominal frequency and damping, either way
-NUMBERS = "%.9g"  # in the files
+NOMINAL_SPREAD = 0.1  # half range of a frequency or damping, relative to its nominal value
+NUMBER_FORMAT = "%.9g"  # format of numbers in the files
 DISPLACEMENT: dict[str, object] = {
     "states": ("q", "dq"),
     "channels": [{"column": "x", "measures": "q"}],
 }
 ACCELERATION = {"states": ("q", "dq"), "channels": [{"column": "acc", "measures": "ddq"}]}
-FORCE: dict[str, object] = {"inputs": [{"column": "F", "name": "F"}]}
+FORCE_INPUT: dict[str, object] = {"inputs": [{"column": "F", "name": "F"}]}
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Oscillation:
     @classmethod
     def drawn(cls, rng: np.random.Generator, frequency: float, damping: float) -> "Oscillation":
         """Draw a random oscillator within 10 % of a given frequency (Hz) and damping ratio."""
-        factors = rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, 2)
+        factors = rng.uniform(1.0 - NOMINAL_SPREAD, 1.0 + NOMINAL_SPREAD, 2)
         return cls(2.0 * np.pi * frequency * factors[0], damping * factors[1])
 
     @property
@@ -234,7 +234,7 @@ def _record_force(
     mode, step = Oscillation.drawn(rng, 0.5, 0.03), 0.02
     x = _add_noise(rng, mode.driven(force, step), 5e-4)
     columns = {"t [s]": step * np.arange(len(force)), "x [m]": x, "F [N/kg]": force}
-    return SampleFile(columns, DISPLACEMENT | FORCE, mode, mode.equation(" + F"), library)
+    return SampleFile(columns, DISPLACEMENT | FORCE_INPUT, mode, mode.equation(" + F"), library)
 
 
 FILES: Mapping[str, Callable[[np.random.Generator], SampleFile]] = {
@@ -289,7 +289,7 @@ def write_and_read(sample: SampleFile) -> Field:
     time = {"time": {"column": first, "unit": unit.strip("[]")}}
     with TemporaryDirectory() as folder:
         path = Path(folder, "sample.csv")
-        pd.DataFrame(sample.columns).to_csv(path, index=False, float_format=NUMBERS)
+        pd.DataFrame(sample.columns).to_csv(path, index=False, float_format=NUMBER_FORMAT)
         return read_field([path], validate_mapping({**time, **sample.mapping}))
 
 

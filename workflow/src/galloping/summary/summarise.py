@@ -60,10 +60,10 @@ METHODS: Mapping[str, Callable[..., IdentifiedModel]] = {
     "maximum_likelihood": maximum_likelihood,
     "weak_gls": weak_gls,
 }
-# Of the end of a recording that is held out to test the forecast.
-HELD_OUT_SHARE, MAX_PERIODS, MAX_SAMPLES = 0.1, 30, 5000
-PERIODS = 6  # of the motion from which a forecast starts
-MOTION_POINTS = 600  # of a drawn motion
+# limits of the end of a recording that is held out to test the forecast: share, periods, samples
+HELD_OUT_SHARE, MAX_HELD_OUT_PERIODS, MAX_HELD_OUT_SAMPLES = 0.1, 30, 5000
+START_PERIODS = 6  # periods of the motion that determine the initial state of a forecast
+MOTION_POINTS = 600  # points of a plotted motion
 
 
 class StillError(ValueError):
@@ -225,7 +225,7 @@ def summarise_with(
         found = with_objections(found, recordings, names, period, identify, faults, are_one)
     if found.status == "refused":
         return Summary(found, tuple(recordings))
-    window = PERIODS * _check_period(period)
+    window = START_PERIODS * _check_period(period)
     with part("hold out the end", until=0.7):
         try:
             held_out = hold_out(recordings, period, identify, np.random.default_rng(seed))
@@ -335,7 +335,7 @@ def forecast(
     """
     *_, recording = _select_used_parts(found, recording)
     if window is None:
-        window = PERIODS * _check_period(longest_period([recording]))
+        window = START_PERIODS * _check_period(longest_period([recording]))
     elif (window := float(as_finite("window", window, ()))) <= 0.0:
         raise ValueError(f"window: {window:g} s; must be > 0")
     end = recording.time[-1]
@@ -388,7 +388,7 @@ def _check_period(period: float) -> float:
 
 def _make_times_after(recording: Recording, length: float) -> NDArray[np.float64]:
     """Make times, s, of samples after a recording, at its own step, for `length` s."""
-    step = max(recording.step, length / MAX_SAMPLES)
+    step = max(recording.step, length / MAX_HELD_OUT_SAMPLES)
     return recording.time[-1] + step * np.arange(1, round_up(length / step))
 
 
@@ -405,14 +405,16 @@ def hold_out(
     if HELD_OUT_SHARE * np.ptp(recordings[index].time) < period:
         index = int(np.argmax([np.ptp(one.time) for one in recordings]))
     last, others = recordings[index], [*recordings[:index], *recordings[index + 1 :]]
-    length = min(HELD_OUT_SHARE * np.ptp(last.time), MAX_PERIODS * period)
+    length = min(HELD_OUT_SHARE * np.ptp(last.time), MAX_HELD_OUT_PERIODS * period)
     cut = int(first_from(last.time, last.time[-1] - length))
     samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
         raise StillError(f"no motion in the last {length:.3g} s, which were to be forecast")
-    shown = slice(cut, None, 1 + (len(last.time) - cut) // MAX_SAMPLES)
+    shown = slice(cut, None, 1 + (len(last.time) - cut) // MAX_HELD_OUT_SAMPLES)
     identified = identify([*others, last[:cut]])
-    predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
+    predicted = ahead.forecast(
+        identified, last[:cut], last.time[shown], START_PERIODS * period, rng
+    )
     noise = Following(identified, last[:cut]).sigma
     trial = ahead.score_forecast(predicted, samples[shown], deviations_of(samples), noise)
     return replace(trial, index=index - len(recordings))
@@ -453,7 +455,7 @@ def score_motion(
     """Compute R2 of a model's simulated motion against the samples of each recorded channel.
 
     identified: a model without random forces. recordings: each is cut into equal stretches of about
-    PERIODS periods, in each of which the model starts from the state that follows the samples
+    START_PERIODS periods, in each of which the model starts from the state that follows the samples
     best. Returns (n_channels,) of the measured channels. A stretch in which the model diverges
     counts as if the mean of its recording were the motion. Raises ValueError if random forces move
     the model.
@@ -467,7 +469,7 @@ def score_motion(
         samples = follow.samples
         measured = np.isfinite(samples).any(axis=0)
         mean = np.nanmean(samples[:, measured], axis=0)
-        parts = max(round_down(np.ptp(time) / (PERIODS * period)), 1)
+        parts = max(round_down(np.ptp(time) / (START_PERIODS * period)), 1)
         edges = first_from(time, np.linspace(time[0], time[-1], parts + 1))
         left = samples[:, measured] - mean
         whole = left**2

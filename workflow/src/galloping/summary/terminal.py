@@ -13,11 +13,11 @@ import click
 
 from galloping.passes import progress
 
-FIRST_LINE, LINE_STEP = 2.0, 10.0  # s, from the first pass to a line, and between two lines
-STEPS = 1000  # of the bar
-MIN_COUNTED = 0.5  # s of counted work between two lines, for the speed of a core
-MAX_SLOWNESS = 20.0  # measured over counted seconds: slower work compiles, and shows no speed
-SEARCH_SHARE = 0.45  # of all work, for a first search of unknown duration
+FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0  # s: time to the first line, and between two lines
+BAR_STEPS = 1000  # steps of the progress bar
+MIN_COUNTED_TIME = 0.5  # s of counted work between two lines that determines a core's speed
+MAX_TIME_RATIO = 20.0  # measured over counted time; above, the time is that of compilation
+SEARCH_SHARE = 0.45  # share of a first search of unknown duration in all work
 
 
 @contextmanager
@@ -38,10 +38,10 @@ class _Bar:
     def __call__(self, what: str, share: float) -> None:
         if self._bar is None:
             bar = click.progressbar(
-                length=STEPS, file=sys.stderr, width=0, item_show_func=lambda what: what
+                length=BAR_STEPS, file=sys.stderr, width=0, item_show_func=lambda what: what
             )
             self._bar = self._stack.enter_context(bar)
-        self._bar.update(int(share * STEPS) - self._bar.pos, what)
+        self._bar.update(int(share * BAR_STEPS) - self._bar.pos, what)
         self._bar.render_progress()
 
 
@@ -58,17 +58,17 @@ class _Lines:
     def __call__(self, what: str, share: float) -> None:
         now = monotonic()
         if math.isinf(self._begin):
-            self._begin, self._next = now, now + FIRST_LINE
+            self._begin, self._next = now, now + FIRST_LINE_DELAY
         if now < self._next:
             return
-        self._next = now + LINE_STEP
+        self._next = now + LINE_INTERVAL
         passed = now - self._begin
         from galloping.identification.work import work_counted  # NumPy
 
         spent, more = work_counted()
         took, computed = passed - self._last[0], spent - self._last[1]
         self._last = passed, spent
-        if computed >= MIN_COUNTED and took <= MAX_SLOWNESS * computed:
+        if computed >= MIN_COUNTED_TIME and took <= MAX_TIME_RATIO * computed:
             self._slow = took / computed
         left, most = passed * (1.0 - share) / share, self._slow * more
         if not math.isinf(most):

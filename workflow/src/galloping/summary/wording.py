@@ -42,14 +42,14 @@ if TYPE_CHECKING:
     from galloping.behaviour.dynamics import Dynamics
     from galloping.summary.summarise import Summary
 
-ENDS = {
+MOTION_ENDS = {
     "rest": "the motion dies out",
     "forced": "random forces keep it moving",
     "irregular": "some motions do not settle within the simulated time",
     "stopped": "where the motion ends is unknown: it is too fast to be simulated",
 }
-RUNS_AWAY = "in simulation the motion diverges"
-IN_SHORT = {  # by status
+DIVERGENCE_TEXT = "in simulation the motion diverges"
+STATUS_SENTENCES = {
     "ok": "the model explains the recording down to the noise of its sensors",
     "not identifiable": "the model explains the recording, but models with other terms do as well",
     "approximate": "the model follows the recording approximately, with errors larger than the "
@@ -57,15 +57,15 @@ IN_SHORT = {  # by status
     "refused": "no model can be trusted",
     "unjudged": "the method does not assess its model",
 }
-BETWEEN_IN_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}  # samples of an input
-TECHNICAL = "## Technical part"
+INTERPOLATION_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}  # of inputs
+TECHNICAL_TITLE = "## Technical part"
 PARTS_DIFFER = Code.PARTS_DIFFER, Code.FREQUENCY_CHANGES, Code.DAMPING_CHANGES
 UNIT_FINDINGS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY
-MAX_DIGITS = 4  # of a printed number: summary.json has all
-TWO_DIGIT_LIMIT = 3.55  # first digits of half an interval, below which two of them are printed
-PLAIN_RANGE = 1e-3, 1e6  # between which numbers are written without a power of ten
-MAX_WIDTH = 12.0  # of the interval of a damping, times the phase of the recorded motion, rad
-MAX_PROBLEMS = 5  # of samples, that are listed before the technical part
+MAX_DIGITS = 4  # digits of a printed number: summary.json has all
+TWO_DIGIT_LIMIT = 3.55  # half an interval, as 1 to 9.99, below which two digits are printed
+PLAIN_RANGE = 1e-3, 1e6  # range of numbers that are printed without a power of ten
+MAX_DAMPING_WIDTH = 12.0  # rad: width of a damping's interval times phase of the recorded motion
+MAX_PROBLEMS = 5  # problems of samples that are listed before the technical part
 
 
 def render_summary(
@@ -90,10 +90,10 @@ def render_summary(
     line = "the line" if of_span else "the system"
     values = {
         "summary": summary, "found": found, "known": known, "numbers": numbers,
-        "trial": summary.held_out, "ends": ENDS, "technical": TECHNICAL,
+        "trial": summary.held_out, "ends": MOTION_ENDS, "technical": TECHNICAL_TITLE,
         "most_problems": MAX_PROBLEMS,
         "refused": found.status == "refused",
-        "in_short": IN_SHORT[found.status],
+        "in_short": STATUS_SENTENCES[found.status],
         "winds": _recorded_range(found) if may_be_wind(found, units) else "",
         "sure": bool(np.any(found.standard_errors > 0.0)),
         "of_span": of_span,
@@ -185,13 +185,13 @@ def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
 def _template(name: str) -> Template:
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {
-        "between_in_words": BETWEEN_IN_WORDS.get,
+        "between_in_words": INTERPOLATION_WORDS.get,
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
         "cells": lambda estimate: " | ".join(_cells(estimate)),
         "digits": lambda number, state="", count=3: (
             f"{number:.{count}g} {plain_unit(state)}".strip()
         ),
-        "end": lambda kind: ENDS.get(kind.partition(":")[0], RUNS_AWAY),
+        "end": lambda kind: MOTION_ENDS.get(kind.partition(":")[0], DIVERGENCE_TEXT),
         "escape": escape_markdown,
         "extent": extent_in_words,
         "growth": _growth,
@@ -397,7 +397,7 @@ def _margin(damping: Value, phase: float, is_of_one_size: bool) -> str:
     decays by a factor of e is no response to random forces.
     """
     width = (damping.high - damping.low) * phase
-    is_steady = abs(damping.value) * phase < 1.0 and width < MAX_WIDTH
+    is_steady = abs(damping.value) * phase < 1.0 and width < MAX_DAMPING_WIDTH
     if is_steady and is_of_one_size:
         return "has a constant amplitude, as under a machine or in settled galloping"
     if damping.low > 0.0:
