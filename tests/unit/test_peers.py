@@ -22,7 +22,7 @@ from galloping.identification.sparse.supports import forward_models, threshold_p
 from galloping.identification.sparse.tuning import Convolution, savitzky_golay, weak_form
 from galloping.line.galerkin import EQUATIONS
 from galloping.model.polynomial import PolynomialModel, polynomial_library
-from galloping.tables.scores import CHOSEN, ORACLE, peers
+from galloping.tables.scores import CHOSEN_SETTING, ORACLE_SETTING, peers
 
 STEP = 0.02
 TERMS = polynomial_library(4, 3)
@@ -167,9 +167,9 @@ def test_the_oracle_is_never_worse_than_what_was_chosen():
     best = pd.DataFrame(least + right)
     table = peers(scores, {"a cell": best}).set_index(["method", "setting"])
     numbers = ["mean_error_percent", "share_exact_support", "r2_q_v", "r2_q_w", "replicates"]
-    assert table.loc[("stlsq", CHOSEN), numbers].tolist() == [12.5, 0, 0.5, 0.5, 4]
-    assert table.loc[("stlsq", ORACLE), numbers].tolist() == [5, 1, 0.5, 0.5, 3]
-    assert ("ours", ORACLE) not in table.index
+    assert table.loc[("stlsq", CHOSEN_SETTING), numbers].tolist() == [12.5, 0, 0.5, 0.5, 4]
+    assert table.loc[("stlsq", ORACLE_SETTING), numbers].tolist() == [5, 1, 0.5, 0.5, 3]
+    assert ("ours", ORACLE_SETTING) not in table.index
 
 
 def test_the_figure_says_where_the_oracle_is_better():

@@ -22,7 +22,7 @@ from galloping.figures.style import (
 from galloping.paper.claims import CLAIMS, Claim
 from galloping.recording.measurement import PROTOCOLS_BY_NAME
 from galloping.results import BOUND, NOISE, MAIN_METHOD, PAPER_METHOD
-from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
+from galloping.tables.scores import ORACLE_SETTING, ORDERS, mean_error, of_kind, spread
 
 DEFAULT_LIMITS = (1e-2, 1e2)  # percent: limits of an axis without errors
 SERIES_SPACING = 0.035  # distance between series at one place, decades
@@ -316,7 +316,7 @@ def _tabulate_errors(
     errors = cells[has_model].groupby(keys).agg(**spread("error"))
     counts = cells.assign(failed=~has_model).groupby(keys)["failed"].agg(["size", "sum"])
     errors = errors.join(counts.set_axis(["count", "failures"], axis=1), how="right").reset_index()
-    others = others[(others["setting"] == ORACLE) & others["method"].isin(PYSINDY)]
+    others = others[(others["setting"] == ORACLE_SETTING) & others["method"].isin(PYSINDY)]
     others = others.dropna(subset="mean_error_percent")
     if others.empty:  # its columns have no numbers
         return errors

@@ -20,7 +20,7 @@ from galloping.paper.claims import (
     format_percent,
 )
 from galloping.paper.unknowns import LABELS, NAMES, UNKNOWNS
-from galloping.tables.inference import NEAR
+from galloping.tables.inference import MAX_AGREEMENT_RATIO
 
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
 SIGNS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
@@ -111,7 +111,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
         which = "all" if count == len(UNKNOWNS) else f"{count} of the"
         if count:
             text += f" The claims determine these numbers poorly: for {which} {len(UNKNOWNS)}, the "
-            text += f"largest plausible value is at least {NEAR} times the smallest."
+            text += f"largest plausible value is at least {MAX_AGREEMENT_RATIO} times the smallest."
     joint = paper[paper["role"] == "joint"]
     first = next(iter(joint["case"]), "")
     for row in joint[joint["case"] == first].to_dict("records"):

@@ -10,7 +10,7 @@ import pandas as pd
 from galloping.paper.unknowns import LABELS
 from galloping.recording.measurement import DEVIATION_UNIT
 from galloping.results import BOUND, MAIN_METHOD, PAPER_METHOD
-from galloping.tables.scores import CHOSEN
+from galloping.tables.scores import CHOSEN_SETTING
 
 NO_LABELS: Mapping[str, str] = MappingProxyType({})
 NOISE_LEVEL = 0.05  # level that sentences describe, or the nearest level of the study
@@ -117,7 +117,7 @@ def _describe_accuracy(
         return ""
     row = rows.iloc[0]
     at = (peers["case"] == case) & (peers["protocol"] == protocol)
-    at &= (peers["level"] == row["level"]) & (peers["setting"] == CHOSEN)
+    at &= (peers["level"] == row["level"]) & (peers["setting"] == CHOSEN_SETTING)
     medians = peers[at].set_index("method")["mean_error_percent"].dropna()
     if MAIN_METHOD not in medians:  # a continuous line has no true coefficients
         return ""

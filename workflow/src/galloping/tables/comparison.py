@@ -17,9 +17,9 @@ from threadpoolctl import threadpool_info
 
 from galloping.storage import read_json
 
-# Two numbers agree if they differ by no more than the larger of the two tolerances.
+# Two numbers agree if their difference is within the larger of the two tolerances.
 RELATIVE_TOLERANCE = 1e-3
-ABSOLUTE_TOLERANCE = 1e-6  # in the column's own unit
+ABSOLUTE_TOLERANCE = 1e-6  # in the unit of the column
 
 # columns that identify a row; all others are results
 KEYS = frozenset((
@@ -29,12 +29,12 @@ KEYS = frozenset((
     "order", "state", "x", "y", "wind_m_s", "direction", "orbit", "place", "measure", "stratum",
     "recording", "other",
 ))  # fmt: skip
-MEASURED = ("seconds", "seconds_median")  # of the processor, which no two runs share
+TIME_COLUMNS = ("seconds", "seconds_median")  # processor times, which differ between runs
 COLUMNS = ("row", "column", "reference", "this_run", "difference", "tolerance")
-WHOLE = "(row)"  # stands for a column where a row is missing or new
-HEADING = "(column)"  # stands for a row where a column is missing or new
-SHOWN = 10  # differences of one table that are listed one by one
-OF_REFERENCE = ("reference_summary", "reference_differences")  # tables that have no own numbers
+WHOLE_ROW = "(row)"  # name of the column if a whole row is missing or new
+WHOLE_COLUMN = "(column)"  # name of the row if a whole column is missing or new
+MAX_LISTED = 10  # listed differences of one table
+REFERENCE_TABLES = ("reference_summary", "reference_differences")  # tables of this comparison
 
 
 def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
@@ -57,9 +57,10 @@ def _compare_values(
     """Return the differences, and every common value, with a column `agrees` (bool)."""
     left, right = _index_by_keys(reference, found)
     present = [
-        (HEADING, n, *sides) for n, *sides in _compare_presence(reference.columns, found.columns)
+        (WHOLE_COLUMN, n, *sides)
+        for n, *sides in _compare_presence(reference.columns, found.columns)
     ]
-    present += [(n, WHOLE, *sides) for n, *sides in _compare_presence(left.index, right.index)]
+    present += [(n, WHOLE_ROW, *sides) for n, *sides in _compare_presence(left.index, right.index)]
     values = _merge_values(left, right)
     apart = values.loc[~values["agrees"], list(COLUMNS)]
     return pd.DataFrame([*present, *apart.itertuples(index=False)], columns=COLUMNS), values
@@ -88,7 +89,7 @@ def flatten(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str
 def list_tables(results: Path) -> dict[str, Path]:
     """Map the names of a study's tables to their files, except comparisons with a reference."""
     present = (results / "tables").glob("*.csv")
-    return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
+    return {f"tables/{path.name}": path for path in present if path.stem not in REFERENCE_TABLES}
 
 
 def list_differences(
@@ -119,9 +120,9 @@ def _describe_differences(*files: Path) -> Iterator[str]:
     except ValueError as error:
         yield " ".join(str(error).split())
         return
-    yield from (describe(row) for _, row in rows.head(SHOWN).iterrows())
-    if len(rows) > SHOWN:
-        yield f"{len(rows) - SHOWN} more differences"
+    yield from (describe(row) for _, row in rows.head(MAX_LISTED).iterrows())
+    if len(rows) > MAX_LISTED:
+        yield f"{len(rows) - MAX_LISTED} more differences"
 
 
 def _index_by_keys(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
@@ -137,7 +138,7 @@ def _index_by_keys(*tables: pd.DataFrame) -> Iterator[pd.DataFrame]:
         )
         number = names.groupby(names).cumcount() + 1  # > 1 for points along a branch
         names = names.where(number == 1, names + ", row " + number.astype(str))
-        yield text.drop(columns=[*keys, *MEASURED], errors="ignore").set_axis(names)
+        yield text.drop(columns=[*keys, *TIME_COLUMNS], errors="ignore").set_axis(names)
 
 
 def _key_as_text(column: pd.Series) -> pd.Series:
@@ -174,12 +175,12 @@ def _merge_values(*sides: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-SETTINGS, PROCESSOR = "settings", "processor"  # rows of the summary beside those of tables
+SETTINGS, PROCESSOR = "settings", "processor"  # rows of the summary other than tables
 
 AGREES = "agrees"
 DIFFERS = "differs"
 NO_REFERENCE = "no reference"
-# reasons for which a table may differ, if settings or processor do
+# reasons for differences of a table, if settings or processors differ
 REASONS = {
     SETTINGS: "settings differ: numbers are expected to differ",
     PROCESSOR: "processors differ: so may numbers where the data cannot tell models apart",
@@ -287,7 +288,7 @@ def _compare_table(
 ) -> tuple[pd.DataFrame, dict[str, object]]:
     """Compare one table: differences and their summary. reason: why it may differ."""
     found, values = _compare_values(reference, table)
-    rows = found[found["column"] == WHOLE]
+    rows = found[found["column"] == WHOLE_ROW]
     parts = (values["difference"].abs() / values["tolerance"]).fillna(0)
     largest = values.loc[parts.idxmax()] if parts.any() else None
     return found, {

@@ -14,28 +14,28 @@ import pandas as pd
 
 from galloping.tables.trial_summaries import status_counts, summarise_groups
 
-NAMED_BY = (  # columns that tell recordings of one stratum apart
+RECORDING_COLUMNS = (  # columns that identify a recording in its stratum
     "case", "truth", "system", "protocol", "samples", "duration", "level", "replicate", "release",
 )  # fmt: skip
-# 1 or 0, empty if not assessed
-JUDGED = ("exact_support", "ok_and_wrong", "fault_diagnosed")
+# columns with 1 or 0, empty if not assessed
+ASSESSED_COLUMNS = ("exact_support", "ok_and_wrong", "fault_diagnosed")
 COLUMNS = (
-    "stratum", "recording", "method", "status", *JUDGED, "coverage", "coefficients",
+    "stratum", "recording", "method", "status", *ASSESSED_COLUMNS, "coverage", "coefficients",
     "findings", "path", "work", "seconds",
 )  # fmt: skip
 KEYS = ["stratum", "recording", "method"]
-TEXTS = ("findings", "path")  # empty, not missing
-ALL = "all"  # strata together
-# Measures of a stratum, and whether more of one is better (1) or worse (-1).
+TEXT_COLUMNS = ("findings", "path")  # empty text instead of a missing value
+ALL_STRATA = "all"  # stratum that contains all others
+# measures of a stratum: 1 if larger values are better, -1 if worse
 MEASURES = {
     "exact_support": 1, "ok": 1, "ok_and_wrong": -1, "refused": -1, "coverage": 1,
     "fault_diagnosed": 1, "work": -1,
 }  # fmt: skip
-SIGNIFICANT = 2.0  # standard errors
-# smaller changes of a coefficient, in standard errors, and relative ones of the error are ignored
-SAME = 0.01
-DIGITS = 1e-8  # relative precision of the numbers of a reference
-UNSTATED = 0.01  # of a coefficient: used if no standard error is stated
+MIN_SIGNIFICANCE = 2.0  # size of a significant change, standard errors
+# change of a coefficient in standard errors, and relative change of a standard error
+MAX_IGNORED_CHANGE = 0.01
+REFERENCE_PRECISION = 1e-8  # relative precision of the numbers of a reference
+DEFAULT_ERROR = 0.01  # relative standard error of a coefficient that states none
 
 
 def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -46,7 +46,7 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """
     answers = []
     for name, part in parts.items():
-        columns = [column for column in NAMED_BY if column in part]
+        columns = [column for column in RECORDING_COLUMNS if column in part]
         rows = part.assign(
             stratum=name.split("/")[0],
             recording=part[columns].apply(_name_recording, axis=1),
@@ -58,8 +58,8 @@ def collect_answers(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 def restore_types(answers: pd.DataFrame) -> pd.DataFrame:
     """Restore the column types of identification results that were read from a file."""
-    numbers = answers[[*JUDGED, "coverage"]].astype(float)
-    texts = answers[[*TEXTS]].astype(object).fillna("")
+    numbers = answers[[*ASSESSED_COLUMNS, "coverage"]].astype(float)
+    texts = answers[[*TEXT_COLUMNS]].astype(object).fillna("")
     return answers.assign(**numbers, **texts)
 
 
@@ -86,7 +86,7 @@ def sum_up_strata(answers: pd.DataFrame) -> pd.DataFrame:
     Further rows are for all strata together. coverage: mean over the recordings. Counts are empty
     without assessed recordings.
     """
-    rows = pd.concat([answers, answers.assign(stratum=ALL)])
+    rows = pd.concat([answers, answers.assign(stratum=ALL_STRATA)])
     return summarise_groups(rows, ["stratum", "method"], _sum_up, sort=False)
 
 
@@ -107,11 +107,11 @@ def compare_measures(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     Compared are the recordings that both tables have. Returns a row for each stratum, method and
     measure, and for all strata together: pairs, in which both answers are assessed; difference, the
     sum of now - before over the pairs; standard_error of it; is_significant: whether the difference
-    is more than SIGNIFICANT standard errors.
+    is more than MIN_SIGNIFICANCE standard errors.
     """
     earlier = _measure_answers(before).add_suffix(" before")
     both = earlier.join(_measure_answers(now), how="inner").reset_index()
-    rows = pd.concat([both, both.assign(stratum=ALL)])
+    rows = pd.concat([both, both.assign(stratum=ALL_STRATA)])
     return pd.DataFrame(
         {"stratum": stratum, "method": method, "measure": measure, **_sum_differences(own, measure)}
         for (stratum, method), own in rows.groupby(["stratum", "method"], sort=False)
@@ -131,7 +131,7 @@ def _sum_differences(rows: pd.DataFrame, measure: str) -> dict[str, float]:
         "pairs": len(change),
         "difference": float(change.sum()),
         "standard_error": error,
-        "is_significant": bool(abs(change.sum()) > SIGNIFICANT * error),
+        "is_significant": bool(abs(change.sum()) > MIN_SIGNIFICANCE * error),
     }
 
 
@@ -165,9 +165,9 @@ def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:
     """Yield descriptions of changes between an answer and the same column with `_now`."""
     if row["status"] != row["status_now"]:
         yield f"{row['status']} -> {row['status_now']}"
-    for name in (*JUDGED, "coverage"):
+    for name in (*ASSESSED_COLUMNS, "coverage"):
         first, second = row[name], row[f"{name}_now"]
-        if not np.isclose(first, second, rtol=DIGITS, equal_nan=True):
+        if not np.isclose(first, second, rtol=REFERENCE_PRECISION, equal_nan=True):
             yield f"{name.replace('_', ' ')} {first:.3g} -> {second:.3g}"
     first, second = (set(row[name].split()) for name in ("findings", "findings_now"))
     for sign, codes in (("-", first - second), ("+", second - first)):
@@ -180,12 +180,12 @@ def _describe_changes(row: Mapping[str, Any]) -> Iterator[str]:
     shifts, widths = [0.0], [0.0]
     for place in first.keys() & second.keys():
         (value, error), (value_now, error_now) = first[place], second[place]
-        shifts.append(abs(value_now - value) / (error or UNSTATED * abs(value)))
+        shifts.append(abs(value_now - value) / (error or DEFAULT_ERROR * abs(value)))
         if error != error_now:
             widths.append(abs(error_now / error - 1.0) if error and error_now else np.inf)
-    if max(shifts) > SAME:
+    if max(shifts) > MAX_IGNORED_CHANGE:
         yield f"coefficients by up to {max(shifts):.2g} standard errors"
-    if max(widths) > SAME:
+    if max(widths) > MAX_IGNORED_CHANGE:
         yield f"standard errors by up to {max(widths):.2g} of them"
 
 

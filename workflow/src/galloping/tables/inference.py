@@ -17,16 +17,20 @@ from galloping.paper.agreement import (
 )
 from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
 
-RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the first reading
-SURE = 2.0  # standard errors between a reading's probability and the limits of a verdict
-FEWEST = 1 / QUANTILES_90[0]  # effective settings: one of them is then below the interval
-# largest factor between a draw and a printed number that agree, and between the ends of an interval
-# that determines an unknown
-NEAR = 1.5
-EXCLUDING = 1 / 4  # claims exclude each other if this share of the expected draws has both, or less
-EXPECTED = 10.0  # least number of expected draws for a verdict on a pair
-STEADY, SLOW = 0.02, 0.2  # largest amplitude change and attack angle that satisfy the conditions
-ALL = "all"  # printed numbers
+# relative evidence of a reading that is ruled out, and of a less probable one, powers of ten
+MAX_RULED_OUT, MAX_UNLIKELY = -2.0, -1.0
+MIN_VERDICT_MARGIN = 2.0  # standard errors from the evidence to the limits of a verdict
+# effective settings of which one is expected below the interval
+MIN_EFFECTIVE_SETTINGS = 1 / QUANTILES_90[0]
+# ratio of a realisation to a printed number that agree, or of the ends of an interval that
+# determines an unknown
+MAX_AGREEMENT_RATIO = 1.5
+# realisations that satisfy two claims that exclude each other, as share of the expected number
+MAX_JOINT_SHARE = 1 / 4
+MIN_EXPECTED_DRAWS = 10.0  # expected realisations for a verdict on a pair of claims
+MAX_STEADY_CHANGE = 0.02  # relative amplitude change of a steady motion
+MAX_ATTACK_ANGLE = 0.2  # rad: largest angle that satisfies the condition on it
+ALL_NUMBERS = "all"  # name of the weights by all printed numbers
 
 
 def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -70,12 +74,12 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def _judge_reading(power: float, error: float) -> str:
-    low, high = power - SURE * error, power + SURE * error
-    if high < RULED_OUT:
+    low, high = power - MIN_VERDICT_MARGIN * error, power + MIN_VERDICT_MARGIN * error
+    if high < MAX_RULED_OUT:
         return "ruled out as tried"
-    if high < UNLIKELY:
+    if high < MAX_UNLIKELY:
         return "less probable"
-    return "as probable" if low > UNLIKELY else "undecided"
+    return "as probable" if low > MAX_UNLIKELY else "undecided"
 
 
 def _is_factor(name: str) -> bool:
@@ -119,8 +123,8 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     tried = rows[is_setting].set_index("setting")
     draws = rows[~is_setting].groupby("setting").size().reindex(tried.index)
     table = rows[["stage", "setting", *NAMES, *(claim.name for claim in PRINTED_CLAIMS)]]
-    for group in (ALL, *CLAIM_GROUPS):
-        known = tried["log_likelihood"] if group == ALL else tried[f"without_{group}"]
+    for group in (ALL_NUMBERS, *CLAIM_GROUPS):
+        known = tried["log_likelihood"] if group == ALL_NUMBERS else tried[f"without_{group}"]
         logs = tried["log_weight"] - tried["log_likelihood"] + known
         weights = pd.Series(_normalise_weights(logs), tried.index)
         shared = rows["setting"].map(weights / draws)
@@ -136,18 +140,18 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     of `region_samples`; readings: of `paper_readings`.
     """
     tried = samples[samples["stage"] == "tried"]
-    effective = effective_number(tried[f"weight_{ALL}"])
-    best = tried.loc[tried[f"weight_{ALL}"].idxmax()]
+    effective = effective_number(tried[f"weight_{ALL_NUMBERS}"])
+    best = tried.loc[tried[f"weight_{ALL_NUMBERS}"].idxmax()]
     table = []
     for unknown in UNKNOWNS:
-        low, _, high = _weighted_quantiles(tried[unknown.name], tried[f"weight_{ALL}"])
+        low, _, high = _weighted_quantiles(tried[unknown.name], tried[f"weight_{ALL_NUMBERS}"])
         factor = high / low
         table.append({
             "unknown": unknown.name, "key": ".".join(unknown.path), "unit": unknown.unit,
             "best": best[unknown.name], "low": low, "high": high,
             "prior_low": unknown.low, "prior_high": unknown.high,
-            "verdict": "left open" if factor >= NEAR
-                       else "undecided" if effective < FEWEST else "determined",
+            "verdict": "left open" if factor >= MAX_AGREEMENT_RATIO
+                       else "undecided" if effective < MIN_EFFECTIVE_SETTINGS else "determined",
             "why": f"the ends of the interval differ by a factor of {factor:.1f}, by "
                    f"{effective:.0f} effective settings",
         })  # fmt: skip
@@ -191,7 +195,7 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
         group = group_of(claim)
         row = {"claim": claim.name, "group": group, "kind": claim.kind, "printed": claim.printed}
         values = drawn[claim.name].to_numpy(float)
-        for name, column in (("fitted", f"weight_{ALL}"), ("predicted", f"weight_{group}")):
+        for name, column in (("fitted", f"weight_{ALL_NUMBERS}"), ("predicted", f"weight_{group}")):
             weights = drawn[column].to_numpy(float)
             effective = effective_number(settings[column])
             share = min(float(np.sum(weights * claim.is_met(values))), 1.0)  # but for rounding
@@ -211,20 +215,21 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Test, for each pair of values in the reproduced paper, if one simulation can match both.
 
     parts: rows of `trials.paper_inference`, of which the draws of all readings count, each a study
-    of one draw. A draw has a number within a factor NEAR; `steady` and `attack
+    of one draw. A draw has a number within a factor MAX_AGREEMENT_RATIO; `steady` and `attack
     angle` are conditions on the motion.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     drawn = rows[rows["stage"] == "draw"]
     is_met = {
-        "steady": (drawn["change"] < STEADY).to_numpy(),
-        "attack angle": (drawn["attack"] <= SLOW).to_numpy(),
+        "steady": (drawn["change"] < MAX_STEADY_CHANGE).to_numpy(),
+        "attack angle": (drawn["attack"] <= MAX_ATTACK_ANGLE).to_numpy(),
     }
     for claim in PRINTED_CLAIMS:
         values = drawn[claim.name].to_numpy(float)
         if claim.is_number:
             with np.errstate(divide="ignore"):
-                is_met[claim.name] = np.abs(np.log(values / claim.printed)) < np.log(NEAR)
+                distances = np.abs(np.log(values / claim.printed))
+            is_met[claim.name] = distances < np.log(MAX_AGREEMENT_RATIO)
         else:
             is_met[claim.name] = claim.is_met(values)
     pairs = pd.DataFrame(list(combinations(is_met, 2)), columns=["claim", "other"])
@@ -238,7 +243,9 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     )
     chance = table["first"] * table["second"] / len(drawn)
     ratio = table["both"] / chance.where(chance > 0)
-    verdict = np.where(table["both"] < EXCLUDING * chance, "exclude each other", "go together")
-    verdict = np.where(chance < EXPECTED, "too few draws", verdict)
+    verdict = np.where(
+        table["both"] < MAX_JOINT_SHARE * chance, "exclude each other", "go together"
+    )
+    verdict = np.where(chance < MIN_EXPECTED_DRAWS, "too few draws", verdict)
     table = table.assign(by_chance=chance, ratio=ratio, verdict=verdict)
     return table.sort_values(["verdict", "ratio"], kind="stable", ignore_index=True)

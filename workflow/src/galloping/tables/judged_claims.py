@@ -38,12 +38,11 @@ PAPER_COLUMNS = (
     "low", "high", "ratio", "spread", "share_met", "share_met_low", "share_met_high", "verdict",
     "reason",
 )  # fmt: skip
-JOINT, BEYOND = "joint", "beyond"  # roles of rows that no single claim counts for
-# here and in paper.csv: as they are called in claims.csv
-NAMES = {"median": "study_value", "printed": "paper_value"}
-PAPER = (PAPER_PROTOCOL, PAPER_METHOD)
-STEADY, ATTACK = "steady_change", "attack_angle"  # columns of the line's own motion
-LINE = ("exact", "two-mode model")  # instead of protocol and method: claims about the line itself
+JOINT_ROLE, BEYOND_ROLE = "joint", "beyond"  # roles of rows outside the count of single claims
+CLAIM_COLUMNS = {"median": "study_value", "printed": "paper_value"}  # names in claims.csv
+PAPER_PAIR = (PAPER_PROTOCOL, PAPER_METHOD)
+CHANGE_COLUMN, ATTACK_COLUMN = "steady_change", "attack_angle"  # of the line's own motion
+LINE_PAIR = ("exact", "two-mode model")  # for claims about the line, not protocol and method
 
 
 def claims_table(
@@ -65,15 +64,15 @@ def claims_table(
         for case in settings["cases"]:
             if claim.case not in ("", case):
                 continue
-            if claim.column.startswith((STEADY, ATTACK)):
+            if claim.column.startswith((CHANGE_COLUMN, ATTACK_COLUMN)):
                 if trajectories and case in trajectories:
                     motion = trajectories[case][0]
                     wind = settings["winds"][case]
                     found = _measure_motion(motion, settings["steady_window"], wind)
-                    rows.append(_claim_row(claim, case, LINE, found))
+                    rows.append(_claim_row(claim, case, LINE_PAIR, found))
                 continue
             for pair in map(tuple, settings["pairs"]):
-                if pair == PAPER and draws and case in draws:
+                if pair == PAPER_PAIR and draws and case in draws:
                     rows.append(_claim_row(claim, case, pair, draws[case]))
                     continue
                 own = scores[(scores["protocol"] == pair[0]) & (scores["method"] == pair[1])]
@@ -94,7 +93,7 @@ def paper_table(
     claim, `joint` or `beyond`.
     """
     pairs = zip(claims["protocol"], claims["method"], strict=True)
-    own = claims[[pair in (PAPER, LINE) for pair in pairs]]
+    own = claims[[pair in (PAPER_PAIR, LINE_PAIR) for pair in pairs]]
     rows: list[dict] = []
     for case, departure in settings["departures"].items():
         about = [claim for claim in CLAIMS if claim.case in ("", case)]
@@ -106,9 +105,10 @@ def paper_table(
         of_case = own[own["case"] == case].set_index("claim").to_dict("index")
         rows += [{**of_case[c.name], **_cell_columns(c)} for c in about if c.name in of_case]
         rows += _joint_rows(about, case, draws[case])
-    rows += [{**_cell_columns(claim), "role": BEYOND, "case": "", "verdict": "beyond judgement",
-              "reason": claim.note} for claim in UNJUDGED_CLAIMS]  # fmt: skip
-    table = pd.DataFrame(rows, columns=[NAMES.get(name, name) for name in PAPER_COLUMNS])
+    rows += [{**_cell_columns(claim), "role": BEYOND_ROLE, "case": "",
+              "verdict": "beyond judgement", "reason": claim.note}
+             for claim in UNJUDGED_CLAIMS]  # fmt: skip
+    table = pd.DataFrame(rows, columns=[CLAIM_COLUMNS.get(name, name) for name in PAPER_COLUMNS])
     return table.set_axis(PAPER_COLUMNS, axis=1).astype({"points": "Int64"})
 
 
@@ -133,8 +133,8 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
         found = share_with_interval(kept)
         share, low, high = (100 * found[key] for key in SHARE_COLUMNS)
         rows.append({
-            "claim": f"all {len(group)} {name} at once", "role": JOINT, "case": case,
-            "direction": "", **{NAMES.get(key, key): value for key, value in found.items()},
+            "claim": f"all {len(group)} {name} at once", "role": JOINT_ROLE, "case": case,
+            "direction": "", **{CLAIM_COLUMNS.get(key, key): value for key, value in found.items()},
             "verdict": verdict_of_share(found),
             "reason": f"{share:.0f} % ({low:.0f} to {high:.0f} %) of {len(kept)} realisations",
         })  # fmt: skip
@@ -156,15 +156,15 @@ def _measure_motion(motion: Motion, window: tuple[float, float], wind: float) ->
     change = 100 * np.abs(halves[1] / halves[0] - 1)
     attack = np.abs(motion.states[:, motion.names.index("dq_v")]).max() / wind
     return pd.DataFrame({
-        **{f"{STEADY}_{motion.names[k]}_percent": [change[k]] for k in (0, 1)},
-        ATTACK: [attack], "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0,
+        **{f"{CHANGE_COLUMN}_{motion.names[k]}_percent": [change[k]] for k in (0, 1)},
+        ATTACK_COLUMN: [attack], "kind": NOISE, "level": 0.0, "missing": 0, "spurious": 0,
         "motion": "ok",
     })  # fmt: skip
 
 
 def _claim_row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -> dict:
     about = {name: getattr(claim, name) for name in ("source", "direction", "quantity")}
-    found = {NAMES.get(name, name): value for name, value in judge(claim, scores).items()}
+    found = {CLAIM_COLUMNS.get(name, name): value for name, value in judge(claim, scores).items()}
     return {
         "claim": claim.name, **about, "case": case, "paper_value": claim.printed, **found,
         "protocol": pair[0], "method": pair[1],
@@ -202,7 +202,7 @@ def variation_rows(
         if not is_own:
             found = paper_draws(varied, name=(name,), amounts=amounts, **other)
         motion, _ = line_motion(varied, amounts.duration, amounts.sampling_rate)
-        about = {"cases": [name], "pairs": [PAPER], "steady_window": amounts.steady_window,
+        about = {"cases": [name], "pairs": [PAPER_PAIR], "steady_window": amounts.steady_window,
                  "winds": {name: varied["wind"]["speed"]}}  # fmt: skip
         table = claims_table(found, about, {name: found}, {name: [motion]})
         place = {"parameter": parameter, "unit": opened.unit, "value": value}

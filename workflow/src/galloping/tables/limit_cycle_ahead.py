@@ -17,7 +17,7 @@ COLUMNS = (
     "case", "protocol", "level", "method", "state", "recorded_m", "true_m", "predicted_m",
     "low_m", "high_m", "coverage_95_percent", "n_limit_cycles", "replicates",
 )  # fmt: skip
-MOST_REPLICATES = 10  # of a cell: each is corrected as often as its interval has draws
+MAX_REPLICATES = 10  # replicates of a cell: each takes as many corrections as it has draws
 
 
 def limit_cycles_ahead(
@@ -44,7 +44,7 @@ def limit_cycles_ahead(
             true, *_ = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0))
     rows = []
     for name, columns in settings["cells"].items():
-        models, cycles = identified[name][settings["method"]][:MOST_REPLICATES], []
+        models, cycles = identified[name][settings["method"]][:MAX_REPLICATES], []
         for replicate, found in enumerate(models):
             rng = make_generator(settings["seed"], "limit cycle ahead", name, replicate)
             with suppress(ValueError, np.linalg.LinAlgError):

@@ -9,10 +9,10 @@ from galloping.line.galerkin import EQUATIONS, Derived
 from galloping.model.intervals import MIN_IDENTIFIABLE_RATIO, median_and_interval
 from galloping.results import DISPLACEMENT_COLUMNS, NOISE, ORDERS, SUBSET
 
-CELL = ["case", "protocol", "level"]
+CELL_COLUMNS = ["case", "protocol", "level"]
 R2_COLUMNS = {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS}
-CHOSEN, ORACLE = "as chosen", "oracle"
-PEERS = (
+CHOSEN_SETTING, ORACLE_SETTING = "as chosen", "oracle"
+PEER_COLUMNS = (
     "case", "protocol", "level", "method", "setting", "mean_error_percent", "share_exact_support",
     "r2_q_v", "r2_q_w", "replicates",
 )  # fmt: skip
@@ -117,39 +117,39 @@ def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataF
     Errors and R2 are medians over whole records. scores: of all cells, of which those with a best
     possible tuning are shown. oracles: by cell, rows of the same columns for models with this
     tuning of some replicates, `choice` of which is `least error` or `right terms`. Each number of a
-    replicate's tuning is the best of the two and of the method's own model. Columns: PEERS.
+    replicate's tuning is the best of the two and of the method's own model. Columns: PEER_COLUMNS.
     """
     if not oracles:
-        return pd.DataFrame(columns=PEERS)
-    one = [*CELL, "method", "replicate"]
+        return pd.DataFrame(columns=PEER_COLUMNS)
+    one = [*CELL_COLUMNS, "method", "replicate"]
     oracle, chosen = (
         rows.assign(
             mean_error_percent=mean_error(rows), share_exact_support=exact(rows).astype(float)
         )
         for rows in (pd.concat(oracles.values()), of_kind(scores, NOISE))
     )
-    chosen = chosen.merge(oracle[CELL].drop_duplicates())
+    chosen = chosen.merge(oracle[CELL_COLUMNS].drop_duplicates())
     both = pd.concat([oracle, chosen.merge(oracle[one].drop_duplicates())])
     best = {"mean_error_percent": "min"}
     best |= dict.fromkeys(("share_exact_support", "r2_q_v", "r2_q_w"), "max")
     best = both.groupby(one, as_index=False).agg(best)
-    table = pd.concat([chosen.assign(setting=CHOSEN), best.assign(setting=ORACLE)])
-    table = table.groupby([*CELL, "method", "setting"], as_index=False).agg(
+    table = pd.concat([chosen.assign(setting=CHOSEN_SETTING), best.assign(setting=ORACLE_SETTING)])
+    table = table.groupby([*CELL_COLUMNS, "method", "setting"], as_index=False).agg(
         mean_error_percent=("mean_error_percent", "median"),
         share_exact_support=("share_exact_support", "mean"),
         r2_q_v=("r2_q_v", "median"), r2_q_w=("r2_q_w", "median"),
         replicates=("replicate", "nunique"),
     )  # fmt: skip
-    return table[list(PEERS)]
+    return table[list(PEER_COLUMNS)]
 
 
 # --- beside the bound ---
 
 
-BOUNDED = ["case", "recordings", "protocol", "level", "points"]  # what names a cell
-KEYS = [*BOUNDED, "method"]
+BOUND_COLUMNS = ["case", "recordings", "protocol", "level", "points"]  # identify a cell
+KEYS = [*BOUND_COLUMNS, "method"]
 RATIO = "coefficient_over_bound"
-IDENTIFIABILITY = [*BOUNDED, "equation", "term", "true", "bound", RATIO, "verdict"]
+IDENTIFIABILITY_COLUMNS = [*BOUND_COLUMNS, "equation", "term", "true", "bound", RATIO, "verdict"]
 
 
 def identifiability(
@@ -162,13 +162,13 @@ def identifiability(
     mean square is taken, NaN where undefined. settings: degree of the library; cells, each with its
     case and the columns that name it.
     """
-    parts = [pd.DataFrame(columns=IDENTIFIABILITY)]
+    parts = [pd.DataFrame(columns=IDENTIFIABILITY_COLUMNS)]
     for cell, columns in settings["cells"].items():
         model = models[columns["case"]].model.on_polynomials(settings["degree"])
         typical = np.sqrt(np.mean(bounds[cell] ** 2, axis=0))
         dynamic = np.isin(np.arange(len(model.states)), list(EQUATIONS))
         i, j = np.nonzero(model.support & dynamic[:, np.newaxis])
-        table = pd.DataFrame({key: columns[key] for key in BOUNDED}, index=range(len(i)))
+        table = pd.DataFrame({key: columns[key] for key in BOUND_COLUMNS}, index=range(len(i)))
         parts.append(
             table.assign(
                 equation=[EQUATIONS[row] for row in i.tolist()],
@@ -212,5 +212,5 @@ def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFr
     )
     stated, holding = groups["intervals"].sum(), groups["intervals_covering"].sum()
     table = table.assign(coverage_95_percent=100 * holding / stated.where(stated > 0))
-    weakest = identifiability.groupby(BOUNDED)[RATIO].min().rename(f"min_{RATIO}")
+    weakest = identifiability.groupby(BOUND_COLUMNS)[RATIO].min().rename(f"min_{RATIO}")
     return table.join(weakest).assign(failures=groups["motion"].agg(failures)).reset_index()

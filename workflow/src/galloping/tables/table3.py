@@ -16,7 +16,7 @@ from galloping.model.polynomial import (
     term_name,
 )
 
-TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]
+TERM_COLUMNS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]
 
 
 def identified_terms(
@@ -26,7 +26,7 @@ def identified_terms(
 
     There is a row for each true term, and for each other term that a replicate found. model: of the
     line; results: replicates on the library `terms`, in which the line's terms that it lacks are
-    absent. Values are those of the left-hand side, as the paper prints them. Columns TERMS:
+    absent. Values are those of the left-hand side, as the paper prints them. Columns TERM_COLUMNS:
     identified is the median over the replicates, found the share of those with the term.
     """
     lacking = extend_library(terms, model)[len(terms) :]
@@ -47,7 +47,7 @@ def identified_terms(
             found=np.mean(values != 0, axis=0),
         )
         parts.append(part.sort_values("symbol", key=_symbol_number, kind="stable"))
-    return pd.concat(parts, ignore_index=True)[TERMS]
+    return pd.concat(parts, ignore_index=True)[TERM_COLUMNS]
 
 
 def _symbol_number(symbols: pd.Series) -> pd.Series:
@@ -113,7 +113,7 @@ def equations(
     found = pd.concat(parts, ignore_index=True)
     if settings["is_continuous"]:
         found["true"] = np.nan
-    return found[["case", "protocol", "method", "level", *TERMS[:5], "standard_error"]]
+    return found[["case", "protocol", "method", "level", *TERM_COLUMNS[:5], "standard_error"]]
 
 
 def as_printed(table3: pd.DataFrame) -> pd.DataFrame:

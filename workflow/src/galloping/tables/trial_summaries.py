@@ -2,7 +2,7 @@
 
 The columns are those of `report/tables.csv`.
 
-`exact_terms.csv`: how many of DRAWS draws of the noise of the Lorenz system gave
+`exact_terms.csv`: how many of PUBLISHED_TRIALS draws of the noise of the Lorenz system gave
 exactly the right terms, by length in s and noise level, as stored in AHsu98/jsindy at da8393e,
 `paper-figures/lorenz-heatmap` (MIT licence, copyright 2025 Alexander W. Hsu, Ike W. Griss Salas,
 Jacob M. Stevens-Haas, J. Nathan Kutz, Aleksandr Aravkin and Bamdad Hosseini), the row of ODR-BINDy
@@ -26,7 +26,7 @@ from scipy.stats import binomtest
 
 from galloping.tables.scores import concatenate
 
-DRAWS = 128
+PUBLISHED_TRIALS = 128  # published realisations of each recording
 METHODS = {
     "odr_bindy": "ODR-BINDy (given the noise)",
     "jsindy": "JSINDy",
@@ -40,27 +40,27 @@ def _read_shares() -> dict[str, dict[tuple[float, float], float]]:
     with Path(__file__).with_name("exact_terms.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             of, level = shares[row.pop("method")], float(row.pop("level"))
-            of |= {(float(length), level): int(n) / DRAWS for length, n in row.items()}
+            of |= {(float(length), level): int(n) / PUBLISHED_TRIALS for length, n in row.items()}
     return shares
 
 
-EXACT = {"lorenz": _read_shares()}  # by system
-INTERVALS = pd.read_csv(
+PUBLISHED_SHARES = {"lorenz": _read_shares()}  # shares by system
+PUBLISHED_INTERVALS = pd.read_csv(
     Path(__file__).with_name("published_intervals.csv"), index_col=["case", "samples"]
 )
-EVERY_TERM = 9.0  # least t at the bound of recordings that surely determine every term
+MIN_SURE_T = 9.0  # smallest t of terms at the bound of recordings that surely determine all terms
 
 
 def trust(fits: pd.DataFrame) -> pd.DataFrame:
     """Summarise how reliable the status (such as `ok`) of fits to overhead lines is, by group.
 
     There is a row for each group, case, measurement setup and noise level. fits: of
-    `galloping.trials.attempts`. Random lines of which every true term has a t above EVERY_TERM at
+    `galloping.trials.attempts`. Random lines of which every true term has a t above MIN_SURE_T at
     the bound have a further row.
     """
-    is_sure = fits["min_coefficient_over_bound"] > EVERY_TERM
+    is_sure = fits["min_coefficient_over_bound"] > MIN_SURE_T
     sure = fits[(fits["group"] == "random lines") & is_sure]
-    rows = pd.concat([fits, sure.assign(case=f"every t > {EVERY_TERM:g}")])
+    rows = pd.concat([fits, sure.assign(case=f"every t > {MIN_SURE_T:g}")])
     return summarise_groups(rows, ["group", "case", "protocol", "level"], _summarise_trust)
 
 
@@ -198,7 +198,7 @@ def _summarise_model_error(fits: pd.DataFrame) -> dict[str, object]:
 
 def _summarise_exact_terms(fits: pd.DataFrame) -> dict[str, object]:
     system, duration, level = fits.iloc[0][["system", "duration", "level"]]
-    shares, cell = EXACT.get(system, {}), (duration, round(level, 6))
+    shares, cell = PUBLISHED_SHARES.get(system, {}), (duration, round(level, 6))
     ok = fits["status"] == "ok"
     return {
         "fits": len(fits),
@@ -214,7 +214,7 @@ def _summarise_exact_terms(fits: pd.DataFrame) -> dict[str, object]:
 
 def _summarise_intervals(fits: pd.DataFrame) -> dict[str, object]:
     case, samples = fits.iloc[0][["case", "samples"]]
-    published = INTERVALS.reindex([(case, samples)]).iloc[0]
+    published = PUBLISHED_INTERVALS.reindex([(case, samples)]).iloc[0]
     return {
         "fits": len(fits),
         **_with_interval("share_with_term", fits["has_term"]),
