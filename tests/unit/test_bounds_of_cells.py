@@ -24,7 +24,7 @@ from galloping.model.polynomial import polynomial_library
 from galloping.recording.measurement import Noise, noises_of
 from galloping.tables.scores import efficiency, identifiability
 from galloping.trajectory.simulation import Simulator
-from galloping.trials.published import SETTINGS
+from galloping.trials.published import PUBLISHED_SETTINGS
 
 EQUATIONS = (2, 3)
 
@@ -241,7 +241,7 @@ def test_a_term_that_is_absent_has_a_sensitivity() -> None:
 
 
 def test_a_longer_chaotic_motion_tells_more_of_every_term() -> None:
-    chaotic, step = SETTINGS["lorenz"]
+    chaotic, step = PUBLISHED_SETTINGS["lorenz"]
     true = chaotic.model
     free, sigma = np.argwhere(true.support), np.ones(3)
     ends = [

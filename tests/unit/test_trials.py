@@ -22,7 +22,7 @@ from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, compute
 from galloping.trials.attempts import against_truth
 from galloping.trials.free_decays import FreeDecay
 from galloping.trials.real_lines import TRUTHS
-from galloping.trials.recorded_lines import CHOSEN, FAULTS, LONG, draw_line
+from galloping.trials.recorded_lines import FAULTS, LONG_RECORDINGS, MOTION_SELECTORS, draw_line
 
 TERMS = polynomial_library(4, 3)
 METHODS = {"maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings({}, seed=0)}
@@ -30,9 +30,9 @@ METHODS = {"maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings
 
 KNOWN = {
     "sensor_faults": FAULTS,
-    "long_and_steady": {*LONG, *CHOSEN, "limit cycle"},
+    "long_and_steady": {*LONG_RECORDINGS, *MOTION_SELECTORS, "limit cycle"},
     "model_error": TRUTHS,
-    "published_terms": published.SETTINGS,
+    "published_terms": published.PUBLISHED_SETTINGS,
     "files": FILES | EXAMPLES,
 }
 

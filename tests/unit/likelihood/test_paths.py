@@ -26,7 +26,7 @@ from galloping.line.galerkin import STATES
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import time_grid
 from galloping.trials.attempts import against_truth, simulate_recording
-from galloping.trials.published import PERIODS, SETTINGS, SYSTEMS
+from galloping.trials.published import PUBLISHED_SETTINGS, RECORDED_PERIODS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, draw_lines
 
 OSCILLATOR = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
@@ -35,7 +35,7 @@ SEED = 2718281
 Known = tuple[PolynomialModel, Recording]
 
 
-def published(name: str, level: float, periods: float = PERIODS) -> Known:
+def published(name: str, level: float, periods: float = RECORDED_PERIODS) -> Known:
     """Of a published system, 500 samples of thirty periods, as its trial makes it."""
     true, time = SYSTEMS[name].model, np.linspace(0.0, periods * SYSTEMS[name].period, 500)
     columns = {
@@ -167,7 +167,7 @@ def test_terms_that_others_may_balance_are_no_ok(level, seed, code):
 )
 def test_lorenz_is_exact(seed, duration, level, draw):
     """Where shorter chains, or a test that takes a skewed sum for Gaussian, lead to no model."""
-    system, step = SETTINGS["lorenz"]
+    system, step = PUBLISHED_SETTINGS["lorenz"]
     true, time = system.model, step * np.arange(1000)
     motion = simulate(true, system.start, time).states
     rows = slice(round(duration / step))

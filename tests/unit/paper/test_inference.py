@@ -152,7 +152,7 @@ def test_a_run_keeps_its_conditions_and_judges_its_best(tried):
     settings = tried[tried["stage"] == "tried"]
     assert len(settings) == 4 and (settings["proposed"] > 4).all()
     assert (settings["attack"] <= FIRST_READING.attack_limit).all()
-    assert (settings["change"] < paper_inference.MOST_CHANGE).all()
+    assert (settings["change"] < paper_inference.MAX_AMPLITUDE_CHANGE).all()
     for unknown in unknowns.UNKNOWNS:
         assert settings[unknown.name].between(unknown.low, unknown.high).all()
     judged = tried[tried["stage"] == "judged"]

@@ -21,7 +21,7 @@ from galloping.figures.style import (
 )
 from galloping.paper.claims import CLAIMS, Claim
 from galloping.recording.measurement import PROTOCOLS_BY_NAME
-from galloping.results import BOUND, NOISE, MAIN_METHOD, PAPER_METHOD
+from galloping.results import BOUND, MAIN_METHOD, NOISE, PAPER_METHOD
 from galloping.tables.scores import ORACLE_SETTING, ORDERS, mean_error, of_kind, spread
 
 DEFAULT_LIMITS = (1e-2, 1e2)  # percent: limits of an axis without errors

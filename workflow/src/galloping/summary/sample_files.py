@@ -27,7 +27,12 @@ from galloping.readers.mapping import read_mapping, validate_mapping
 from galloping.streams import make_generator
 from galloping.summary.analysis import Field, FieldQuestion, identify_field, read_field
 from galloping.summary.summarise import Summary
-from galloping.trials.attempts import FAR, against_truth, counted_cost, describe_answer
+from galloping.trials.attempts import (
+    MAX_COEFFICIENT_DISTANCE,
+    against_truth,
+    counted_cost,
+    describe_answer,
+)
 
 NOMINAL_SPREAD = 0.1  # half range of a frequency or damping, relative to its nominal value
 NUMBER_FORMAT = "%.9g"  # format of numbers in the files
@@ -299,8 +304,8 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
     Returns coverage: the share of the 95 % intervals of frequency and damping that contain the
     truth, NaN if neither is stated. fault_diagnosed: whether the correct finding is among the
     findings, NaN if there is none. If an equation is true, the columns of `attempts.against_truth`;
-    else ok_and_wrong: whether the status is `ok` with a frequency or a damping more than FAR
-    standard errors off.
+    else ok_and_wrong: whether the status is `ok` with a frequency or a damping more than
+    MAX_COEFFICIENT_DISTANCE standard errors off.
     """
     found, stated = summary.found, summary.dynamics
     off = []
@@ -315,7 +320,7 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
         "fault_diagnosed": float(found.has_finding(sample.cause)) if sample.cause else np.nan,
     }
     if not sample.equation:
-        is_far = any(distance > FAR / NORMAL_95 for distance in off)
+        is_far = any(distance > MAX_COEFFICIENT_DISTANCE / NORMAL_95 for distance in off)
         return row | {"ok_and_wrong": bool(found.status == "ok" and is_far)}
     model = found.model
     equations = (f"{model.states[0]} = {model.states[1]}", sample.equation)

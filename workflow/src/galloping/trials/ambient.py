@@ -16,13 +16,14 @@ from galloping.model.modes import Modes
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trials.attempts import identify_once
-from galloping.trials.real_lines import NOISE, TERMS, start_row
+from galloping.trials.real_lines import NOISE_LEVEL, TERMS, start_row
 
-FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical
+FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; damping ratio
 DURATIONS, RATES = (300.0, 1200.0), (5.0, 25.0)  # s, Hz
-MIXED = 0.3  # largest motion of the other coordinate in a mode, relative to its own coordinate
-APART = 1.15  # least ratio of the two frequencies
-FREE = tuple((i, np.array([j])) for i in (2, 3) for j in range(4))  # coefficients and their states
+MAX_MODE_MIXING = 0.3  # motion of the other coordinate in a mode, relative to its own coordinate
+MIN_FREQUENCY_RATIO = 1.15  # larger over smaller frequency of the two modes
+# (equation, terms) of the unknown coefficients
+FREE_COEFFICIENTS = tuple((i, np.array([j])) for i in (2, 3) for j in range(4))
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,10 @@ class RandomMotion:
         The modes have similar standard deviations, within the ranges above.
         """
         omega = np.ones(2)
-        while omega.max() < APART * omega.min():
+        while omega.max() < MIN_FREQUENCY_RATIO * omega.min():
             omega = 2.0 * np.pi * rng.uniform(*FREQUENCIES, 2)
         damping, shapes = rng.uniform(*DAMPING, 2), np.eye(2)
-        shapes[[0, 1], [1, 0]] = rng.uniform(-MIXED, MIXED, 2)
+        shapes[[0, 1], [1, 0]] = rng.uniform(-MAX_MODE_MIXING, MAX_MODE_MIXING, 2)
         duration, rate = rng.uniform(*DURATIONS), rng.uniform(*RATES)
         inverse, system, forces = np.linalg.inv(shapes), np.eye(4, k=2), np.zeros((4, 4))
         system[2:, :2] = -shapes * omega**2 @ inverse
@@ -62,7 +63,7 @@ class RandomMotion:
         states[0] = np.linalg.cholesky(stationary) @ rng.standard_normal(4)
         for k in range(1, len(states)):
             states[k] = step @ states[k - 1] + root @ rng.standard_normal(4)
-        noise = NOISE * states.std(axis=0)
+        noise = NOISE_LEVEL * states.std(axis=0)
         values = states + noise * rng.standard_normal(states.shape)
         values[:, 2:] = np.nan
         recording = Recording(np.arange(len(states)) / rate, STATES, values)
@@ -96,7 +97,7 @@ class RandomMotion:
         ]
         information = np.einsum("afij,bfji->ab", slopes, slopes).real
         covariance = np.linalg.inv(information)[:8, :8]
-        _, gradients = compute_decays(self.system, FREE)
+        _, gradients = compute_decays(self.system, FREE_COEFFICIENTS)
         return np.sqrt(np.einsum("mi,ij,mj->m", gradients, covariance, gradients))
 
 

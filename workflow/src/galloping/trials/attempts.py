@@ -20,7 +20,7 @@ from galloping.recording.measurement import Motion, noises_of, recordings_of
 from galloping.recording.samples import Recording
 from galloping.trajectory.simulation import rates_along
 
-FAR = 4.0  # standard errors beyond which a coefficient is wrong
+MAX_COEFFICIENT_DISTANCE = 4.0  # distance from the truth, above which a coefficient is wrong, SE
 
 
 @dataclass(frozen=True)
@@ -210,8 +210,9 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
     counted = {
         "spurious_terms": present & ~terms,
         "missing_above_limit": terms & ~present & is_large,
-        "beyond_4_standard_errors": present & (distance > FAR * errors),
-        "beyond_4_standard_errors_given_terms": present & (distance > FAR * conditional),
+        "beyond_4_standard_errors": present & (distance > MAX_COEFFICIENT_DISTANCE * errors),
+        "beyond_4_standard_errors_given_terms": present
+        & (distance > MAX_COEFFICIENT_DISTANCE * conditional),
         "terms": terms,
         "terms_found": both,
         "covered_given_terms": both & (distance <= NORMAL_95 * conditional),

@@ -20,13 +20,14 @@ from galloping.trials.real_lines import DEGREE, start_row
 STATES = ("q", "dq")
 TERMS = polynomial_library(len(STATES), DEGREE)
 SENSORS = ("displacement", "acceleration")
-FREQUENCIES, DAMPING = (0.05, 50.0), (0.001, 0.03)  # Hz, of the first mode; ratio to critical
-SECOND = (0.002, 0.1)  # measured amplitude of the second mode over that of the first
-APART = (1.15, 6.0)  # ratio of the two frequencies, either way
-SAMPLES, PER_PERIOD, PERIODS = (200, 20_000), (8.0, 60.0), 10.0  # PERIODS: the least number
-NOISE = (0.001, 0.03)  # of a sample, over the amplitude at the release
-REST = (0.03, 0.3)  # share of the samples before the release, of every other recording
-RESOLVED = 2.5  # samples in a period of the second mode, at least
+FREQUENCIES, DAMPING = (0.05, 50.0), (0.001, 0.03)  # Hz, first mode; damping ratio
+AMPLITUDE_RATIOS = (0.002, 0.1)  # measured amplitude of the second mode over that of the first
+FREQUENCY_RATIOS = (1.15, 6.0)  # ratio of the two frequencies, or its inverse
+SAMPLES, SAMPLES_PER_PERIOD = (200, 20_000), (8.0, 60.0)
+MIN_PERIODS = 10.0  # periods of the first mode in a recording
+NOISE_LEVELS = (0.001, 0.03)  # noise of a sample over the initial amplitude
+REST_SHARES = (0.03, 0.3)  # share of samples before the release, in every other recording
+MIN_SECOND_SAMPLES = 2.5  # samples in a period of the second mode
 
 
 @dataclass(frozen=True)
@@ -50,17 +51,19 @@ class FreeDecay:
         They are drawn within the ranges above.
         """
         count = round(draw_log_uniform(rng, SAMPLES))
-        per_period = min(draw_log_uniform(rng, PER_PERIOD), count / PERIODS)
+        per_period = min(draw_log_uniform(rng, SAMPLES_PER_PERIOD), count / MIN_PERIODS)
         frequency, damping = draw_log_uniform(rng, FREQUENCIES), draw_log_uniform(rng, DAMPING, 2)
-        ratio = rng.uniform(APART[0], min(APART[1], per_period / RESOLVED))
+        ratio = rng.uniform(
+            FREQUENCY_RATIOS[0], min(FREQUENCY_RATIOS[1], per_period / MIN_SECOND_SAMPLES)
+        )
         ratio = ratio if rng.random() < 0.5 else 1.0 / ratio
         omega = 2.0 * np.pi * frequency * np.array([1.0, ratio])
         poles = -damping * omega + 1j * omega * np.sqrt(1.0 - damping**2)
         phases = np.exp(2j * np.pi * rng.random(2))
-        amplitudes = phases * np.array([1.0, draw_log_uniform(rng, SECOND)])
-        noise, sensor = draw_log_uniform(rng, NOISE), SENSORS[rng.integers(2)]
+        amplitudes = phases * np.array([1.0, draw_log_uniform(rng, AMPLITUDE_RATIOS)])
+        noise, sensor = draw_log_uniform(rng, NOISE_LEVELS), SENSORS[rng.integers(2)]
         time = np.arange(count) / (per_period * frequency)
-        n_rest = round(rng.uniform(*REST) * count) if rng.random() < 0.5 else 0
+        n_rest = round(rng.uniform(*REST_SHARES) * count) if rng.random() < 0.5 else 0
         elapsed = time[n_rest:] - time[n_rest]
         motion = np.zeros(count)
         motion[n_rest:] = (np.exp(np.outer(elapsed, poles)) @ amplitudes).real

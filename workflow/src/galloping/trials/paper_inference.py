@@ -48,21 +48,23 @@ from galloping.recording.measurement import Motion
 from galloping.streams import make_generator
 
 AMOUNTS = Amounts()
-OTHER_CASE = "non_resonant"  # the paper's other line, whose motion it calls steady as well
-MOST_CHANGE = 0.05  # of an amplitude: a motion that changes more is far from steady
-SETTLED_RATE = 10.0  # Hz: enough for an amplitude
-SMALLEST = 0.02  # m: a line that moves less does not gallop
-PILOT_ROUNDS, PILOT_DRAWS = (40, 30, 30), 8  # settings of each round, draws of each setting
-SETTINGS, DRAWS = 48, 32  # of the last round
-DEFENSIVE = 0.1  # share of the last round's proposals that are uniform as those of the first round
-REFINED = 2  # settings of the largest likelihood, which are judged again by fresh draws
-CLIMB, CLIMB_DRAWS = 80, 48  # settings of the climb from there, and the draws of each, the same
-CLIMB_STEP = 0.1  # of the logarithms of the unknowns, at first
-JUDGED = 400  # draws of the setting where the climb ends
-TAILS = 5.0  # degrees of freedom of the proposals
-WIDENED = 1.3  # of a proposal's covariance over that of the settings
-EFFECTIVE = 15.0  # settings: with fewer the weights are tempered before a proposal is fitted
-FIRST_ROUND = {  # ratios: see above
+OTHER_CASE = "non_resonant"  # the paper's other line, whose motion it also calls steady
+MAX_AMPLITUDE_CHANGE = 0.05  # relative amplitude change of a motion that may be called steady
+SETTLING_RATE = 10.0  # Hz: sampling rate that suffices for an amplitude
+MIN_AMPLITUDE = 0.02  # m: amplitude of a line that gallops
+PILOT_ROUNDS = (40, 30, 30)  # settings of each pilot round
+PILOT_DRAWS = 8  # realisations of each of these settings
+FINAL_SETTINGS, FINAL_DRAWS = 48, 32  # settings of the last round, and realisations of each
+UNIFORM_SHARE = 0.1  # share of uniform proposals, as in the first round, in the last round
+N_REFINED = 2  # most likely settings, which are judged again by new realisations
+CLIMB_SETTINGS = 80  # settings tried in the maximisation from the most likely one
+CLIMB_DRAWS = 48  # realisations of each of these settings, all with the same random numbers
+FIRST_CLIMB_STEP = 0.1  # initial step in the logarithms of the unknowns
+SUMMIT_DRAWS = 400  # realisations of the setting at the maximum
+TAIL_FREEDOM = 5.0  # degrees of freedom of the proposals' t distribution
+COVARIANCE_FACTOR = 1.3  # covariance of a proposal over that of the settings
+MIN_EFFECTIVE_SETTINGS = 15.0  # with fewer, weights are tempered before a proposal is fitted
+FIRST_ROUND = {  # ranges of the first proposals, ratios: see above
     "damping_vertical": (0.2, 1.0),
     "threshold": (1e-2, 1.0),
     "initial_vertical": (0.5, 2.0),
@@ -110,7 +112,7 @@ class Proposal:
 
     @property
     def _t_density(self):
-        return multivariate_t(self.centre, self.covariance, df=TAILS)
+        return multivariate_t(self.centre, self.covariance, df=TAIL_FREEDOM)
 
     @classmethod
     def fit(cls, points: np.ndarray, log_weights: np.ndarray, uniform: float) -> "Proposal":
@@ -119,11 +121,11 @@ class Proposal:
         Weights are tempered if few settings count.
         """
         power, weights = 1.0, _normalise_weights(log_weights)
-        while agreement.effective_number(weights) < min(EFFECTIVE, len(points) / 2):
+        while agreement.effective_number(weights) < min(MIN_EFFECTIVE_SETTINGS, len(points) / 2):
             power *= 0.8
             weights = _normalise_weights(power * log_weights)
         centre = weights @ points
-        covariance = WIDENED * np.cov(points.T, aweights=weights, ddof=0)
+        covariance = COVARIANCE_FACTOR * np.cov(points.T, aweights=weights, ddof=0)
         return cls(centre, covariance + 1e-3 * np.eye(len(centre)), uniform)
 
 
@@ -139,9 +141,9 @@ def trial(
     *,
     pilot_rounds: Sequence[int] = PILOT_ROUNDS,
     pilot_draws: int = PILOT_DRAWS,
-    settings: int = SETTINGS,
-    draws: int = DRAWS,
-    climb: int = CLIMB,
+    settings: int = FINAL_SETTINGS,
+    draws: int = FINAL_DRAWS,
+    climb: int = CLIMB_SETTINGS,
 ) -> Iterator[dict[str, object]]:
     """Infer by importance sampling the parameters the paper does not state; yield the samples.
 
@@ -169,12 +171,14 @@ def trial(
                    "log_weight": log_weight}  # fmt: skip
             motion = {name: row[name] for name in ("change", "attack")}
             yield from ({**named, "stage": "draw", **motion, **values} for values in drawn)
-        best = sorted(tried, key=lambda row: -row["log_likelihood"])[:REFINED]
+        best = sorted(tried, key=lambda row: -row["log_likelihood"])[:N_REFINED]
         again = [_judge_setting(reading, row, draws, rng) for row in best]
         if reading == FIRST_READING and climb:
             top = max(again, key=lambda row: row["log_likelihood"])
             again.append(
-                _judge_setting(reading, _climb_likelihood(reading, top, climb, rng), JUDGED, rng)
+                _judge_setting(
+                    reading, _climb_likelihood(reading, top, climb, rng), SUMMIT_DRAWS, rng
+                )
             )
         yield from ({**named, "stage": "judged", **row} for row in again)
 
@@ -190,7 +194,7 @@ def _learn_proposal(
         numbers.append(proposed)
         points = np.stack([row["point"] for row in tried])
         log_weights = _log_weights(tried, proposals, numbers)
-        proposals.append(Proposal.fit(points, log_weights, DEFENSIVE))
+        proposals.append(Proposal.fit(points, log_weights, UNIFORM_SHARE))
     return proposals[-1]
 
 
@@ -238,7 +242,7 @@ def _climb_likelihood(
         return np.inf if found is None else -found["log_likelihood"]
 
     first = np.log([start[name] for name in NAMES])
-    simplex = first + np.vstack([np.zeros(len(NAMES)), CLIMB_STEP * np.eye(len(NAMES))])
+    simplex = first + np.vstack([np.zeros(len(NAMES)), FIRST_CLIMB_STEP * np.eye(len(NAMES))])
     options = {"initial_simplex": simplex, "maxfev": settings, "adaptive": True}
     end = minimize(miss, first, method="Nelder-Mead", options=options)
     return dict(zip(NAMES, np.exp(end.x), strict=True))
@@ -297,11 +301,11 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
         return None
     started = {**values, "initial_vertical": 0.5, "initial_horizontal": 0.5}
     settled, _ = line_motion(
-        _case_at(reading, started, agreement.CASE), AMOUNTS.duration, SETTLED_RATE
+        _case_at(reading, started, agreement.CASE), AMOUNTS.duration, SETTLING_RATE
     )
-    last = settled.states[-round(AMOUNTS.duration * SETTLED_RATE / 6) :]
+    last = settled.states[-round(AMOUNTS.duration * SETTLING_RATE / 6) :]
     amplitude = steady_amplitude(last[:, :2])
-    if not amplitude.min() > SMALLEST or not _is_in_reach(settled):
+    if not amplitude.min() > MIN_AMPLITUDE or not _is_in_reach(settled):
         return None
     if np.abs(last[:, 2]).max() > reading.attack_limit * values["wind_speed"]:
         return None
@@ -336,7 +340,8 @@ def estimate(
         other, _ = _simulate_line(reading, values, OTHER_CASE)
         changes.append(_amplitude_change(other.states))
     attack = float(np.abs(motion.states[:, 2]).max() / values["wind_speed"])
-    if attack > reading.attack_limit or (reading.steady and not max(changes) < MOST_CHANGE):
+    is_steady = max(changes) < MAX_AMPLITUDE_CHANGE
+    if attack > reading.attack_limit or (reading.steady and not is_steady):
         return None
     steady = agreement.log_steadiness(np.array(changes)) if reading.steady else 0.0
     method = reading.method_at(values)

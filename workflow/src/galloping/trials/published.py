@@ -28,8 +28,8 @@ from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
 from galloping.trials.attempts import Attempt, identify_once, simulate_recording, trial_of
 
-PERIODS = 30
-REMEMBERED = 4  # periods of each piece of a chaotic flow, for its bound
+RECORDED_PERIODS = 30  # length of a recording, periods
+PIECE_PERIODS = 4  # length of the pieces of a chaotic flow, for its bound, periods
 
 
 @dataclass(frozen=True)
@@ -81,19 +81,19 @@ def systems(
     """Yield noisy recordings of a published system with different numbers of samples and noise.
 
     case: name of the system. levels: of the noise, in standard deviations of each state. The bound
-    of a chaotic flow is that of pieces of REMEMBERED periods, each with an unknown beginning,
+    of a chaotic flow is that of pieces of PIECE_PERIODS periods, each with an unknown beginning,
     which joined pieces may exceed.
     """
     system = SYSTEMS[case]
     true = system.model
     simulator = Simulator(true.states, true.terms)
     for count in samples:
-        time = np.linspace(0.0, PERIODS * system.period, count)
+        time = np.linspace(0.0, RECORDED_PERIODS * system.period, count)
         trajectory = simulator(true, np.array(system.start, float), time)
         if trajectory.status != "ok":
             raise ValueError(f"{case}: {trajectory.status}")
         x = trajectory.states
-        pieces = PERIODS // REMEMBERED if system.chaotic else 1
+        pieces = RECORDED_PERIODS // PIECE_PERIODS if system.chaotic else 1
         parts = np.array_split(np.arange(count), pieces)
         for level in levels:
             sigma = level * x.std(axis=0)
@@ -113,7 +113,7 @@ def _bound_deviations(true: PolynomialModel, experiments: list[Experiment]) -> n
 
 
 GROUP = "published settings"
-SETTINGS = {  # by name: the system with its published start, and s between samples
+PUBLISHED_SETTINGS = {  # systems with published initial states, and sampling intervals, s, by name
     "lorenz": (replace(SYSTEMS["lorenz"], start=(-8, 8, 27), degree=2), 0.01),
     "van_der_pol": (PublishedSystem("x = y; y = -x + 0.5 y - 0.5 x^2 y", (-2, 1)), 0.01),
     "rossler": (replace(SYSTEMS["rossler"], start=(-6, 5, 0), degree=2), 0.05),
@@ -132,7 +132,7 @@ def exact_terms(
     case: name of the system. Noise and durations are those of a published comparison. levels: of
     the noise, relative to the size of the motion. durations: s, up to PUBLISHED_DURATIONS.
     """
-    system, step = SETTINGS[case]
+    system, step = PUBLISHED_SETTINGS[case]
     true = system.model
     time = step * np.arange(round(PUBLISHED_DURATIONS[case] / step), dtype=np.float64)
     start = np.array(system.start, np.float64)

@@ -29,15 +29,15 @@ from galloping.trials.attempts import identify_once
 CASE = "internal_resonance"
 DEGREE = 3
 TERMS = polynomial_library(len(STATES), DEGREE)
-NOISE = 0.05  # of a sensor, relative to the standard deviation of what it reads
+NOISE_LEVEL = 0.05  # noise of a sensor over the standard deviation of its noise-free reading
 DURATION, RATE = 300, 100  # s, Hz
-STEADY = 200  # s, from where amplitudes are read
-FORECAST = 15.0  # s: six vertical periods
+STEADY_START = 200  # s: time after which amplitudes are measured
+FORECAST_DURATION = 15.0  # s: six vertical periods
 QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
 )  # fmt: skip
-JUDGED = 5  # the first quantities, whose intervals are assessed: not the horizontal frequency
-JUDGEMENTS = (  # columns, empty if a model does not give the value
+N_ASSESSED = 5  # quantities with assessed intervals: all but the last, the horizontal frequency
+RESULT_COLUMNS = (  # columns that are empty if a model does not give the value
     "terms",
     *(f"{name}_error_percent" for name in QUANTITIES),
     *(f"{name}_interval_percent" for name in QUANTITIES),
@@ -83,9 +83,9 @@ TRUTHS = {
     "9 modes, gusts 10 %, wind": SensedLine(intensity=0.1, wind=True),
     "two modes, gusts 5 %, wind": SensedLine(modes=0, intensity=0.05, sensors="states", wind=True),
 }
-SPEED = "U"  # the input that is the wind
-# m/s, from the recorded mean: other winds for which amplitudes are predicted. At 2 m/s above the
-# mean, further modes gallop by themselves within 300 s.
+WIND_INPUT = "U"  # name of the wind speed as an input
+# m/s: differences of the predicted winds from the recorded mean. At +2 m/s, further modes gallop by
+# themselves within 300 s.
 OTHER_WINDS = (-2.0, 1.0)
 
 
@@ -146,7 +146,7 @@ def predict_quantities(
     """Predict amplitudes, net damping and frequencies with a model, with 95 % intervals.
 
     Returns values and half widths of the intervals, by QUANTITIES, with a model of a line.
-    Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of
+    Amplitudes are of the motion from `start` (4,) after STEADY_START s. Intervals are those of
     models drawn with the covariance of the coefficients; NaN without one. The further modes of an
     approximate model are added to its motion, and its residual to the interval of an amplitude.
     """
@@ -154,7 +154,9 @@ def predict_quantities(
 
     def quantities(model: PolynomialModel) -> np.ndarray:
         states = simulator(model, start, time).states + further
-        return np.concatenate([steady_amplitude(states[time >= STEADY])[:2], linear_modes(model)])
+        return np.concatenate(
+            [steady_amplitude(states[time >= STEADY_START])[:2], linear_modes(model)]
+        )
 
     values = quantities(identified.model)
     widths = np.full(len(QUANTITIES), np.nan)
@@ -176,9 +178,9 @@ def forecast_r2(
 ) -> float:
     """Compute the mean R2 of a model's short forecasts of a measured motion.
 
-    Forecasts are of q_v and q_w over FORECAST s, along the motion, (n, 4).
+    Forecasts are of q_v and q_w over FORECAST_DURATION s, along the motion, (n, 4).
     """
-    length = round(FORECAST / (time[1] - time[0]))
+    length = round(FORECAST_DURATION / (time[1] - time[0]))
     squares = np.zeros(2)
     for begin in range(0, len(time) - length, length):
         predicted = simulator(model, states[begin], time[begin : begin + length]).states
@@ -200,8 +202,8 @@ def trial(
     parameters, truth = plain(load({}))["cases"][CASE], TRUTHS[case]
     time = np.arange(DURATION * RATE + 1) / RATE
     line = make_line(parameters, truth)
-    inputs = (SPEED,) if truth.wind else ()
-    terms = parse_library(f"wind({SPEED})", STATES, inputs)[0] if truth.wind else TERMS
+    inputs = (WIND_INPUT,) if truth.wind else ()
+    terms = parse_library(f"wind({WIND_INPUT})", STATES, inputs)[0] if truth.wind else TERMS
     whole = PolynomialModel(STATES, terms, np.ones((len(STATES), len(terms))), inputs)
     steady_terms = whole.at(dict.fromkeys(inputs, line.speed)).terms
     simulator = Simulator(STATES, steady_terms)
@@ -213,17 +215,17 @@ def trial(
         rng = make_generator(seed, "model_error", case, *name)
         gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
         speed = continuous.draw_wind(line, gusts, time, rng)
-        measured = {SPEED: Input(time, speed)} if truth.wind and speed is not None else {}
+        measured = {WIND_INPUT: Input(time, speed)} if truth.wind and speed is not None else {}
         return simulate_sensors(parameters, line, truth, time, speed), measured, rng
 
     steady = combine_sensors(line, truth, simulate_sensors(parameters, line, truth, time))
     unseen, unseen_wind, _ = simulate_recorded("unseen")
     unseen = combine_sensors(line, truth, unseen)
-    true = _true_quantities(line, steady[time >= STEADY])
+    true = _true_quantities(line, steady[time >= STEADY_START])
     others = _other_winds(parameters, truth, time) if truth.wind else {}
     for replicate in replicates:
         clean, measured, rng = simulate_recorded(replicate)
-        noise = NOISE * clean.std(axis=0) * rng.standard_normal(clean.shape)
+        noise = NOISE_LEVEL * clean.std(axis=0) * rng.standard_normal(clean.shape)
         values = combine_sensors(line, truth, clean + noise)
         if not truth.velocities:
             values[:, 2:] = np.nan
@@ -245,7 +247,7 @@ def trial(
                 if others:
                     row["other_winds_error_percent"] = max(
                         _amplitude_error(
-                            identified.model.at({SPEED: u}), steady[0], time, amplitude
+                            identified.model.at({WIND_INPUT: u}), steady[0], time, amplitude
                         )
                         for u, amplitude in others.items()
                     )
@@ -257,7 +259,7 @@ def start_row(
 ) -> dict[str, object]:
     """Return the row of a fit before its model is judged. answer: of `attempts.identify_once`."""
     known = {"truth": case, "sensors": sensors, "replicate": replicate, "seed": seed}
-    return {**known, **answer, **dict.fromkeys(JUDGEMENTS, np.nan)}
+    return {**known, **answer, **dict.fromkeys(RESULT_COLUMNS, np.nan)}
 
 
 def _other_winds(
@@ -270,7 +272,7 @@ def _other_winds(
         case = {**parameters, "wind": {**parameters["wind"], "speed": speed}}
         line = make_line(case, truth)
         states = combine_sensors(line, truth, simulate_sensors(case, line, truth, time))
-        amplitudes[speed] = steady_amplitude(states[time >= STEADY])[:2]
+        amplitudes[speed] = steady_amplitude(states[time >= STEADY_START])[:2]
     return amplitudes
 
 
@@ -279,13 +281,13 @@ def _amplitude_error(
 ) -> float:
     """Compute the largest error of the amplitudes of a motion, %."""
     states = Simulator(STATES, model.terms)(model, start, time).states
-    predicted = steady_amplitude(states[time >= STEADY])[:2]
+    predicted = steady_amplitude(states[time >= STEADY_START])[:2]
     return float(100.0 * np.max(np.abs(predicted / amplitude - 1.0)))
 
 
 def _judge_values(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """Compute errors and intervals in percent, and the coverage of the assessed intervals."""
-    is_covered = (np.abs(values - true) <= widths)[:JUDGED]
+    is_covered = (np.abs(values - true) <= widths)[:N_ASSESSED]
     row = {"coverage": np.mean(is_covered) if np.all(np.isfinite(widths)) else np.nan}
     for name, value, width, truth in zip(QUANTITIES, values, widths, true, strict=True):
         row[f"{name}_error_percent"] = 100.0 * (value / truth - 1.0)

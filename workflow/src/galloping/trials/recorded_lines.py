@@ -10,7 +10,7 @@ in -2..2 m and q_w in -3..3 m at rest.
 
 Long: the default line from its release on. Steady: 300 s of the limit cycle of the default line,
 or of a random line that has one. Sensitive: 300 s of a random line where neighbouring motions part
-more than SENSITIVE times. Faulty: one fault, of a size drawn evenly from its range, besides white
+more than MIN_GROWTH times. Faulty: one fault, of a size drawn evenly from its range, besides white
 noise; what is identified must not be `ok` and wrong, and a finding should name the fault.
 """
 
@@ -44,9 +44,11 @@ DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and ste
 TERMS = polynomial_library(len(STATES), 3)
 CASE = "internal_resonance"
 DURATION, RATE = 300.0, 100.0  # s, Hz
-MARGIN = 1.0  # s of motion after the recording, for sensors that are late or early
-LONG = {"2000 s": (2e3, 100.0), "10000 s": (1e4, 100.0), "100000 s": (1e5, 20.0)}  # s, Hz
-APART, SENSITIVE = 1e-6, 1e3  # m between two motions at first; growth of it within a recording
+END_MARGIN = 1.0  # s: motion simulated after the recording, for sensors with a time shift
+# duration, s, and sampling rate, Hz
+LONG_RECORDINGS = {"2000 s": (2e3, 100.0), "10000 s": (1e4, 100.0), "100000 s": (1e5, 20.0)}
+START_DISTANCE = 1e-6  # m: initial distance of two motions of a line
+MIN_GROWTH = 1e3  # growth of this distance in a recording of a sensitive line
 
 
 @dataclass(frozen=True)
@@ -69,12 +71,12 @@ class MovingLine:
 def default_line() -> MovingLine:
     """Simulate the motion of the default line of a study.
 
-    It lasts DURATION s from the start, and MARGIN s more.
+    It lasts DURATION s from the start, and END_MARGIN s more.
     """
     case = plain(load({}))["cases"][CASE]
     line = make_model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
-    long = time_grid(DURATION + MARGIN, RATE)
+    long = time_grid(DURATION + END_MARGIN, RATE)
     states = Simulator(line.states, line.terms)(line, start, long).states
     return MovingLine(case, line, start, time_grid(DURATION, RATE), CubicSpline(long, states))
 
@@ -175,16 +177,17 @@ def of_long_and_steady_motions(
 ) -> Iterator[Attempt]:
     """Yield recordings of long motions, limit cycles or motions with sensitive dependence.
 
-    case: kind of the motion; for cases of CHOSEN, each replicate is another line.
+    case: kind of the motion; for cases of MOTION_SELECTORS, each replicate is another line.
     """
-    time, simulator = time_grid(*LONG.get(case, (DURATION, RATE))), Simulator(STATES, TERMS)
+    time = time_grid(*LONG_RECORDINGS.get(case, (DURATION, RATE)))
+    simulator = Simulator(STATES, TERMS)
     for level, replicate in product(levels, replicates):
-        if case in CHOSEN:
+        if case in MOTION_SELECTORS:
             rng, states = make_generator(seed, LONG_AND_STEADY, case, replicate), None
             drawn = draw_lines(rng, simulator, time)
             while states is None:
                 true, motions = next(drawn)
-                states = CHOSEN[case](simulator, true, motions[0], time)
+                states = MOTION_SELECTORS[case](simulator, true, motions[0], time)
         else:
             line = default_line()
             true, start = line.model.on_library(TERMS), line.start
@@ -210,19 +213,19 @@ def _sensitive_motion(
     simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
 ) -> np.ndarray | None:
     """Simulate the motion of a line that forgets its start, None if it does not."""
-    beside = simulator(true, motion[0] + [APART, 0.0, 0.0, 0.0], time).states
-    return motion if np.max(np.abs(beside - motion)) > SENSITIVE * APART else None
+    beside = simulator(true, motion[0] + [START_DISTANCE, 0.0, 0.0, 0.0], time).states
+    return motion if np.max(np.abs(beside - motion)) > MIN_GROWTH * START_DISTANCE else None
 
 
-CHOSEN = {  # by case: the motion of a random line, None for lines that are passed over
+MOTION_SELECTORS = {  # functions that return a line's motion, or None to skip the line, by case
     "limit cycle, random lines": _settled_motion,
     "sensitive lines": _sensitive_motion,
 }
 
 
 GROUP = "sensor faults"
-FORCE_RATE = 10.0  # Hz, of the values between which a random force is linear
-SUBSTEPS = 2  # of the integration between two such values; a fortieth of the shortest period
+FORCE_RATE = 10.0  # Hz: rate of the values of a random force, linear in between
+SUBSTEPS = 2  # integration steps between two such values; one is a 40th of the shortest period
 
 
 def _add_no_fault(line, size, noise, rng):
@@ -250,7 +253,7 @@ def _delay_channels(line, size, noise, rng):
 def _add_jitter(line, size, noise, rng):
     """Take every sample at a random time, with a deviation of `size` sampling steps."""
     late = line.time + size / RATE * rng.standard_normal(len(line.time))
-    return line.time, line.motion(np.clip(late, 0.0, DURATION + MARGIN)) + noise
+    return line.time, line.motion(np.clip(late, 0.0, DURATION + END_MARGIN)) + noise
 
 
 def _add_multiplicative_noise(line, size, noise, rng):
@@ -319,19 +322,19 @@ def _simulate_driven(
     return CubicSpline(times, states)(line.time)
 
 
-RATES = (Code.RATE_DISAGREES, Code.RATES_DISAGREE)
-CLOCKS = (*RATES, Code.INNOVATION_JUMPS)
-DELAYS = (
+RATE_CODES = (Code.RATE_DISAGREES, Code.RATES_DISAGREE)
+CLOCK_CODES = (*RATE_CODES, Code.INNOVATION_JUMPS)
+DELAY_CODES = (
     Code.CHANNEL_DELAYED, Code.COORDINATE_DELAYED, Code.INPUT_DELAYED, Code.INPUT_DELAYED_BY,
     Code.INPUT_HELD,
 )  # fmt: skip
-# codes of findings that name the fault, range of its size, and the function that records a line
-# with it: from (line, size, noise (n, 4), rng) to times (n,) and values (n, 4)
+# Codes of findings that name the fault, range of its size, and the function that records a line
+# with it: arguments line, size, noise (n, 4), rng; returns times (n,) and values (n, 4).
 FAULTS = {
     "none": ((), (0.0, 0.0), _add_no_fault),
-    "clock": (CLOCKS, (0.001, 0.005), _stretch_clock),
-    "velocity scale": (RATES, (1.005, 1.005), _scale_velocity),
-    "late channels": (DELAYS, (0.02, 0.2), _delay_channels),
+    "clock": (CLOCK_CODES, (0.001, 0.005), _stretch_clock),
+    "velocity scale": (RATE_CODES, (1.005, 1.005), _scale_velocity),
+    "late channels": (DELAY_CODES, (0.02, 0.2), _delay_channels),
     "random force": (FORCE_CODES, (0.005, 0.02), _add_random_force),
     "gusts": (FORCE_CODES, (0.001, 0.005), _add_gusts),
     "jitter": ((Code.TIMES_JITTER,), (4.0, 4.0), _add_jitter),
