@@ -48,7 +48,7 @@ def folder(tmp_path):
 
 
 def test_the_graph_of_the_rules_is_that_of_the_workflow(folder, planned):
-    (folder / "all.yaml").write_text(draw_rules.EVERYTHING)
+    (folder / "all.yaml").write_text(draw_rules.FULL_STUDY)
     reads = draw_rules.build_graph(PlannedJob(**job) for job in planned(folder, "all.yaml"))
     text = "".join(path.read_text("utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
     assert reads.keys() | {"measure_motion"} == set(re.findall(r"(?m)^rule (\w+):", text))

@@ -9,7 +9,7 @@ from galloping.figures.style import spoken
 from galloping.reproducibility.job import run
 from galloping.study.files import read
 
-PERIODS = 3  # of the slower direction: the motion begins again nearly where it ended
+ANIMATED_PERIODS = 3  # of the slower direction: the motion nearly closes
 
 
 def animate_line(animation, case, trajectory, line, window):
@@ -21,8 +21,8 @@ def animate_line(animation, case, trajectory, line, window):
         return
     steady = motion.time >= window[0]
     slower = steady_frequency(motion.states[steady][:, :2], motion.time[1] - motion.time[0]).min()
-    kept = motion.time >= motion.time[-1] - PERIODS / slower
-    title += f", the last {PERIODS} periods"
+    kept = motion.time >= motion.time[-1] - ANIMATED_PERIODS / slower
+    title += f", the last {ANIMATED_PERIODS} periods"
     write_animation(animation, line, motion.time[kept], motion.states[kept], title)
 
 

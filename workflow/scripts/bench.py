@@ -43,7 +43,7 @@ from galloping.trajectory.simulation import Simulator
 
 ROOT = Path(__file__).parents[2]
 CASE = "internal_resonance"
-LEVELS = 310  # noise levels of a study of 5,000 jobs
+N_LEVELS = 310  # noise levels of a study with 5,000 jobs
 
 
 def time_calls(work: Callable, repeats: int) -> float:
@@ -231,7 +231,7 @@ def tabulate_jobs(results: Path, older: Path | None) -> list[dict]:
 def time_planning(folder: str) -> list[dict]:
     """Time Snakemake's planning of the default study and of one of 5,000 jobs, in a copy."""
     larger = Path(folder) / "larger.yaml"
-    levels = [round(0.001 * k, 3) for k in range(LEVELS)]
+    levels = [round(0.001 * k, 3) for k in range(N_LEVELS)]
     larger.write_text(yaml.safe_dump({"results": "larger", "measurement": {"levels": levels}}))
     rows = []
     for options in ((), ("--configfile", str(larger))):

@@ -18,15 +18,17 @@ SYSTEMS = {
     "Windows": "x86_64-pc-windows-msvc",
 }
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
-# Requirements of Snakemake without a wheel: the first is pure Python, the second needs a compiler.
-BUILT = {"3.11": ["connection-pool"], "3.12": ["connection-pool"], "3.13": ["connection-pool"],
-         "3.14": ["connection-pool", "immutables"]}  # fmt: skip
-UNREACHABLE = ("Failed to fetch", "error sending request", "dns error", "Could not connect")
+# requirements of Snakemake without a wheel: the first is pure Python, the second needs a compiler
+BUILT_PACKAGES = {
+    "3.11": ["connection-pool"], "3.12": ["connection-pool"], "3.13": ["connection-pool"],
+    "3.14": ["connection-pool", "immutables"],
+}  # fmt: skip
+NETWORK_ERRORS = ("Failed to fetch", "error sending request", "dns error", "Could not connect")
 
 
 def resolve_lock(lock: Path, system: str, python: str) -> subprocess.CompletedProcess:
     """Test with uv, without installing, whether a lock file resolves for a system and a Python."""
-    built = (option for name in BUILT[python] for option in ("--no-binary", name))
+    built = (option for name in BUILT_PACKAGES[python] for option in ("--no-binary", name))
     with tempfile.TemporaryDirectory() as folder:
         return subprocess.run(
             [sys.executable, "-m", "uv", "pip", "install", "--dry-run", "--target", folder,
@@ -44,7 +46,7 @@ def main() -> int:
         packages = sum(line.startswith(" + ") for line in done.stdout.splitlines())
         result = f"{packages} packages" if done.returncode == 0 else done.stdout.strip()
         print(f"{lock} on {system} with Python {python}: {result}", flush=True)
-        if any(sign in done.stdout for sign in UNREACHABLE):
+        if any(sign in done.stdout for sign in NETWORK_ERRORS):
             return 2
         failed += done.returncode != 0
     return min(failed, 1)

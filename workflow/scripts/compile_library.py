@@ -4,8 +4,8 @@ import numpy as np
 
 import galloping
 
-# Each kind of term is compiled separately: powers, smooth functions and kinks. By the terms of the
-# library, their coefficients in the acceleration.
+# Coefficients of the acceleration by library. Each kind of term is compiled separately: powers,
+# smooth functions and kinks.
 OSCILLATORS = {
     "q + dq + q^2*dq": [-9, 0.5, -0.5],
     "q + dq + sin(q)": [-1, -0.05, -8],

@@ -11,13 +11,14 @@ from galloping.configuration.kinds import KINDS
 from galloping.reproducibility.plan import PlannedJob, make_plan
 from galloping.storage import write_text
 
-# A study that has jobs of every rule, but of `measure_motion`, whose files nothing else reads.
-EVERYTHING = f"""
+# study with jobs of every rule except `measure_motion`, whose files no other rule reads
+FULL_STUDY = f"""
 cases: {{gusty: {{truth: {{model: continuous}}}}}}
 recordings: {{field: {{files: [examples/span.csv], mapping: examples/span.yaml}}}}
 trials: {{{", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)}}}
 """
-WIDTH, HEIGHT, ACROSS, DOWN = 140, 24, 176, 38  # px: of a box, and from box to box
+BOX_WIDTH, BOX_HEIGHT = 140, 24  # px
+COLUMN_STEP, ROW_STEP = 176, 38  # px: distances between boxes
 STYLE = (
     "text{font:12px sans-serif;text-anchor:middle}"
     "rect{fill:#fff;stroke:#444}path{fill:none;stroke:#999}"
@@ -60,28 +61,28 @@ def draw(reads: Graph) -> str:
         columns.setdefault(last - count_columns_after(rule), []).append(rule)
     tallest = max(map(len, columns.values()))
     place = {
-        rule: (x * ACROSS + 4, round((row + (tallest - len(rules)) / 2) * DOWN) + 4)
+        rule: (x * COLUMN_STEP + 4, round((row + (tallest - len(rules)) / 2) * ROW_STEP) + 4)
         for x, rules in columns.items()
         for row, rule in enumerate(rules)
     }
     lines = []
     for rule, (x, y) in place.items():
         for x0, y0 in sorted(place[each] for each in reads[rule]):
-            start, end, half = x0 + WIDTH, x, (ACROSS - WIDTH) // 2
-            y0, y1 = y0 + HEIGHT // 2, y + HEIGHT // 2
+            start, end, half = x0 + BOX_WIDTH, x, (COLUMN_STEP - BOX_WIDTH) // 2
+            y0, y1 = y0 + BOX_HEIGHT // 2, y + BOX_HEIGHT // 2
             curve = f"M{start} {y0}C{start + half} {y0} {end - half} {y1} {end} {y1}"
             lines.append(f'<path d="{curve}"/>')
     for rule, (x, y) in place.items():
-        lines.append(f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="4"/>')
-        lines.append(f'<text x="{x + WIDTH // 2}" y="{y + 16}">{rule}</text>')
-    width, height = len(columns) * ACROSS - (ACROSS - WIDTH) + 8, tallest * DOWN
+        lines.append(f'<rect x="{x}" y="{y}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}" rx="4"/>')
+        lines.append(f'<text x="{x + BOX_WIDTH // 2}" y="{y + 16}">{rule}</text>')
+    width, height = len(columns) * COLUMN_STEP - (COLUMN_STEP - BOX_WIDTH) + 8, tallest * ROW_STEP
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}">'
     return "\n".join((head, f"<style>{STYLE}</style>", *lines, "</svg>\n"))
 
 
 if __name__ == "__main__":
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
-        file.write(EVERYTHING)
+        file.write(FULL_STUDY)
         file.flush()
         jobs = make_plan([file.name]).jobs
     write_text(sys.argv[1], draw(build_graph(jobs)))

@@ -7,7 +7,7 @@ from galloping.reproducibility.job import run
 from galloping.storage import write_rows
 from galloping.trajectory.simulation import Simulator
 
-COLUMNS = [  # of a line that never gallops, too
+COLUMNS = [  # also those of a line that never gallops
     "case", "parameter", "unit", "value", "branch", "point", "stable", "vertical_amplitude_m",
     "horizontal_amplitude_m", "period_s", "largest_multiplier", "trivial_multiplier_error",
 ]  # fmt: skip

@@ -9,7 +9,7 @@ COLUMNS = (
     "case", "initial_displacement", "level", "min_coefficient_over_bound", "weakest_term",
     "identifiable",
 )  # fmt: skip
-HEIGHTS = (1.0, 2.0, 3.0)  # m, of the further releases that are compared
+HEIGHTS = (1.0, 2.0, 3.0)  # m: initial displacements of the compared further releases
 
 
 def rank_releases(case, model, trajectory, ranking, level, heights=HEIGHTS):

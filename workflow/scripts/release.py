@@ -20,7 +20,7 @@ import yaml
 ROOT = Path(__file__).parents[2]
 PLACEHOLDERS = ("example.org", "The galloping authors")
 LINK = re.compile(r"(!?)(\[[^\]]*\]\()(?![a-z]+:|#)([^)]+)\)")
-DATED = re.compile(r"^## (\S+) - \d{4}-\d{2}-\d{2}$", re.MULTILINE)
+RELEASE_HEADING = re.compile(r"^## (\S+) - \d{4}-\d{2}-\d{2}$", re.MULTILINE)
 
 
 def objections(root: Path) -> Iterator[str]:
@@ -44,7 +44,7 @@ def objections(root: Path) -> Iterator[str]:
                          ("CITATION.cff", str(yaml.safe_load(citation)["version"]))):  # fmt: skip
         if stated != version:
             yield f"{place}: {stated}; pyproject.toml has {version}"
-    dated = DATED.findall((root / "CHANGELOG.md").read_text(encoding="utf-8"))
+    dated = RELEASE_HEADING.findall((root / "CHANGELOG.md").read_text(encoding="utf-8"))
     if version not in dated:
         yield f"CHANGELOG.md: no entry '## {version} - DATE'"
 

@@ -44,11 +44,11 @@ from galloping.study.cells import Study
 from galloping.study.shown import departures_from_paper
 
 WORKFLOW = Path(__file__).parents[1]
-STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # Snakemake's line after each job
+STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # line of Snakemake after each job
 
-SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # in the results, if stdout is no terminal
-PROGRESS_INTERVAL = 60.0  # s, between two lines of progress
-LAST_LINES = 20  # of Snakemake's output, shown if no log of a job has a reason
+SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # below the results, if stdout is no terminal
+PROGRESS_INTERVAL = 60.0  # s: time between two lines of progress
+LAST_LINES = 20  # lines of Snakemake's output that are shown if no log has a reason
 
 
 def main(*arguments: str) -> int:

@@ -21,7 +21,7 @@ from galloping.study.cells import Study, Trial
 from galloping.study.files import read_table
 from galloping.tables import exam
 
-SHOWN = (  # columns of `exam.sum_up_strata`, and the measures of their differences
+MEASURES = (  # columns of `exam.sum_up_strata`, and the measures of their differences
     "exact_support", "ok", "ok_and_wrong", "refused", "coverage", "fault_diagnosed", "work",
 )  # fmt: skip
 
@@ -85,10 +85,10 @@ def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
     shifts = {
         (row["stratum"], row["method"], row["measure"]): row for row in compared.to_dict("records")
     }
-    rows = [["stratum", "answers", *(name.replace("_", " ") for name in SHOWN), "seconds"]]
+    rows = [["stratum", "answers", *(name.replace("_", " ") for name in MEASURES), "seconds"]]
     for row in strata.to_dict("records"):
         cells = [row["stratum"], str(row["fits"])]
-        for column in SHOWN:
+        for column in MEASURES:
             shift = shifts.get((row["stratum"], row["method"], column))
             cells.append(_format_cell(column, row[column], shift))
         rows.append([*cells, f"{row['seconds']:.0f}"])

@@ -7,8 +7,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = ROOT / "workflow" / "envs" / "galloping.yaml"
-CONDA_NAMES = {"matplotlib": "matplotlib-base"}  # others have the name that PyPI has
-FROM_PYPI = {"pysindy"}
+CONDA_NAMES = {"matplotlib": "matplotlib-base"}  # names that differ from those on PyPI
+PYPI_PACKAGES = {"pysindy"}
 HEAD = """\
 # For `snakemake --sdm conda`: what jobs import. Written by `make lock` from pyproject.toml; `make`
 # installs the same packages, pinned with their hashes in requirements.lock.
@@ -43,10 +43,10 @@ def environment(pyproject: str) -> str:
     }
     conda = {
         "python": project["requires-python"],
-        **{CONDA_NAMES.get(n, n): v for n, v in sorted(needed.items()) if n not in FROM_PYPI},
+        **{CONDA_NAMES.get(n, n): v for n, v in sorted(needed.items()) if n not in PYPI_PACKAGES},
         "pip": "",
     }
-    pip = {name: versions for name, versions in needed.items() if name in FROM_PYPI}
+    pip = {name: versions for name, versions in needed.items() if name in PYPI_PACKAGES}
     lines = [f"  - {name} {versions}".rstrip() for name, versions in conda.items()]
     lines += [
         "  - pip:",
