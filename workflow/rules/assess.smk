@@ -1,5 +1,6 @@
 # line, identified models -> what a line engineer asks
-MAX_VARIED_DRAWS = 40  # of each variant of a line: enough to decide whether most satisfy a bound
+# realisations of each variant of a line: enough to decide whether most satisfy a bound
+MAX_VARIED_DRAWS = 40
 
 
 rule follow_cycles:
@@ -177,14 +178,14 @@ rule vary_parameter:
 
 rule animate_line:
     input:
-        trajectory=f"<results>/trajectories/{FIRST}.npz",
+        trajectory=f"<results>/trajectories/{FIRST_CASE}.npz",
     output:
         **add_receipts(
             animation=report(
                 "<results>/figures/galloping.gif",
                 caption=CAPTION,
                 category="Figures",
-                labels={"figure": "galloping", "shows": LABEL_OF_ANIMATED},
+                labels={"figure": "galloping", "shows": ANIMATION_LABEL},
             ),
         ),
     log:
@@ -196,8 +197,8 @@ rule animate_line:
     resources:
         **CASE_RESOURCES,
     params:
-        case={"case": FIRST},
-        line=lambda wildcards: {f"cases.{FIRST}": STUDY.case(FIRST).released},
+        case={"case": FIRST_CASE},
+        line=lambda wildcards: {f"cases.{FIRST_CASE}": STUDY.case(FIRST_CASE).released},
         window=setting("simulation.steady_window"),
         caption=lambda wildcards, output: caption_of_figure("galloping"),
         code=lambda wildcards: code("animate_line.py"),

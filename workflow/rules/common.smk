@@ -2,7 +2,7 @@
 from functools import cache, partial, reduce
 from operator import getitem
 
-from galloping.summary import OUTPUTS, REPORT_OUTPUTS as SHOWN_OF_FIELD
+from galloping.summary import OUTPUTS, REPORT_OUTPUTS
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import RESULTS_VARIABLE
 from galloping.report import data_dictionary
@@ -21,15 +21,21 @@ if RESULTS_VARIABLE not in os.environ:  # else `make` has printed them
     print(*STUDY.doubts, sep="\n", end="\n" * bool(STUDY.doubts), file=sys.stderr)
 
 LINES = [case.name for case in STUDY.cases]
-FIRST = LINES[0] if LINES else "none"  # the case of figures and tables that show only one
-CONTINUOUS = [case.name for case in STUDY.cases if case.is_continuous]
-DEPARTURES = shown.departures_from_paper(STUDY)  # empty without a case of the paper
-REDRAWN = [name for name, why in DEPARTURES.items() if not why]  # many draws of these
-VARIED_CASE = REDRAWN[0] if REDRAWN else "none"  # also with other values of its open parameters
+FIRST_CASE = LINES[0] if LINES else "none"  # case of figures and tables of one case
+CONTINUOUS_CASES = [case.name for case in STUDY.cases if case.is_continuous]
+DEPARTURES = shown.departures_from_paper(
+    STUDY
+)  # changes by case; empty without a case of the paper
+REDRAWN_CASES = [
+    name for name, why in DEPARTURES.items() if not why
+]  # cases with many realisations
+# case that is also redrawn with other values of its open parameters
+VARIED_CASE = REDRAWN_CASES[0] if REDRAWN_CASES else "none"
 DEGREE = STUDY.settings.identification.degree
 SEED = STUDY.settings.measurement.seed
-OPENED = STUDY.plain["assessment"]["open_parameters"]  # of the paper: values of each, by name
-WINDOW = list(STUDY.settings.simulation.steady_window)
+# values of parameters that the paper does not state, by name
+OPEN_PARAMETERS = STUDY.plain["assessment"]["open_parameters"]
+STEADY_WINDOW = list(STUDY.settings.simulation.steady_window)
 
 
 pathvars:
@@ -48,7 +54,7 @@ wildcard_constraints:
     block=r"[a-z_0-9.+-]+",
     trial="|".join(trial.name for trial in STUDY.trials) or "none",
     batch="[a-z_0-9]+",
-    parameter="|".join(OPENED),
+    parameter="|".join(OPEN_PARAMETERS),
 
 
 # Params: each is one value under its configuration key. Snakemake compares params without their names,

@@ -2,7 +2,7 @@
 from galloping.configuration.kinds import EXAMPLES
 from galloping.deferred import summary, trials  # the jobs import them
 
-ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
+ORACLE_REPLICATES = 5  # first replicates, for which pysindy's best settings are searched
 
 
 rule evaluate_cell:

@@ -7,7 +7,7 @@ from galloping.results import NOISE, SUBSET
 
 COEFFICIENT_LEVELS = (0.01, 0.05)
 HISTORY_LEVELS = (0.05, 0.1, 0.15)
-LABEL_OF_ANIMATED = "the span in motion"
+ANIMATION_LABEL = "the span in motion"
 
 
 def table_of(name):
@@ -49,11 +49,11 @@ line_figure = partial(figure, "engineering")
 def histories(label, labels):
     """Time histories of the first case by the paper's method. labels: of cells, by their name."""
     protocol, method = pair = shown.paper_pair(STUDY)
-    cells = {f"{FIRST}/{protocol.name}/{cell}": text for cell, text in labels.items()}
+    cells = {f"{FIRST_CASE}/{protocol.name}/{cell}": text for cell, text in labels.items()}
     return paper_figure(
         label,
         figures.motions.draw_histories,
-        {"case": FIRST, **names(pair), "cells": cells},
+        {"case": FIRST_CASE, **names(pair), "cells": cells},
         trajectory=TRAJECTORY,
         reconstructions=every("<results>/reconstructions/{cell}.npz", cell=cells),
     )
@@ -68,20 +68,20 @@ if DEPARTURES:
         table=table_of("paper"),
     )
 if LINES:
-    first_line = {"case": FIRST, "line": first_case.line}
+    first_line = {"case": FIRST_CASE, "line": first_case.line}
     by_paper = shown.paper_pair(STUDY)
-    papers = {"case": FIRST, **names(by_paper)}  # the paper's method on the first case
+    papers = {"case": FIRST_CASE, **names(by_paper)}  # the paper's method on the first case
     draws = {"table": SCORES}  # its scores, and its many draws where the study has them
-    if shown.is_paper_pair(by_paper) and FIRST in REDRAWN:
-        draws["draws"] = f"<results>/paper/{FIRST}.csv"
+    if shown.is_paper_pair(by_paper) and FIRST_CASE in REDRAWN_CASES:
+        draws["draws"] = f"<results>/paper/{FIRST_CASE}.csv"
     noisy_cells = {}  # empty without noise, and for a line without true coefficients
     if not first_case.is_continuous:
         chosen = shown.noise_cells(STUDY, by_paper, COEFFICIENT_LEVELS)
         noisy_cells = {each.name: each.level for each in chosen}
-    coefficients_at = f"<results>/identified/{FIRST}/{by_paper[0].name}"
+    coefficients_at = f"<results>/identified/{FIRST_CASE}/{by_paper[0].name}"
     levels, points = STUDY.settings.measurement.levels, STUDY.settings.measurement.subsets.points
     assessed, sensors = STUDY.settings.assessment, shown.sensor_protocol(STUDY)
-    predicted = shown.predicted_cells(STUDY, FIRST)
+    predicted = shown.predicted_cells(STUDY, FIRST_CASE)
     from_sensors = sensors.name if sensors.name in predicted else next(iter(predicted), "")
     predicting = shown.predicting_methods(predicted[from_sensors]) if predicted else [""]
     in_noise = shown.noise_cells(STUDY, by_paper, HISTORY_LEVELS)
@@ -164,7 +164,7 @@ if LINES:
         "overview": methods_figure(
             "methods against sensor noise",
             figures.errors.draw_overview,
-            {"case": FIRST, "protocol": sensors.name, "label": noise_label(sensors)},
+            {"case": FIRST_CASE, "protocol": sensors.name, "label": noise_label(sensors)},
             table=SCORES,
             peers=table_of("peers"),
         ),
@@ -172,7 +172,7 @@ if LINES:
             "other wind speeds, from an identified model",
             figures.motions.draw_prediction,
             {
-                "case": FIRST,
+                "case": FIRST_CASE,
                 "protocol": from_sensors,
                 **dict(zip(("method", "peer"), predicting, strict=False)),
                 "replicate": 0,
@@ -210,7 +210,7 @@ if LINES:
             "wind, tension and the 2:1 resonance",
             figures.motions.draw_resonance_map,
             {
-                "case": FIRST,
+                "case": FIRST_CASE,
                 "x_label": "wind speed, m/s",
                 "y_label": "tension of a sub-conductor, kN",
                 "y_scale": 1000,

@@ -51,7 +51,7 @@ rule identify_recordings:
                         category="Recordings",
                         labels={"recording": "{recording}", "file": file},
                     )
-                    if file in SHOWN_OF_FIELD
+                    if file in REPORT_OUTPUTS
                     else f"<results>/recordings/{{recording}}/{file}"
                 )
                 for file in OUTPUTS

@@ -30,15 +30,16 @@ rule make_table:
         "../scripts/make_table.py"
 
 
-COMPARED = [name for name in TABLES if name not in NOT_COMPARED]
-SENSORS = shown.sensor_protocol(STUDY)  # that the report's sentences are about
-UNCOMPARED = ("results", "reference", "recordings", "figures")  # settings without effect on numbers
+COMPARED_TABLES = [name for name in TABLES if name not in UNCOMPARED_TABLES]
+SENSOR_PROTOCOL = shown.sensor_protocol(STUDY)  # protocol in the report's sentences
+# settings without effect on numbers
+UNCOMPARED_SETTINGS = ("results", "reference", "recordings", "figures")
 
 
 rule compare_reference:
     input:
-        tables=expand("<results>/tables/{table}.csv", table=COMPARED),
-        reference=reference_files(*(f"{name}.csv" for name in COMPARED)),
+        tables=expand("<results>/tables/{table}.csv", table=COMPARED_TABLES),
+        reference=reference_files(*(f"{name}.csv" for name in COMPARED_TABLES)),
         origin=reference_files("origin.json"),
     output:
         **add_receipts(
@@ -54,7 +55,9 @@ rule compare_reference:
     resources:
         **SHOW_RESOURCES,
     params:
-        study={"study": {k: v for k, v in STUDY.plain.items() if v and k not in UNCOMPARED}},
+        study={
+            "study": {k: v for k, v in STUDY.plain.items() if v and k not in UNCOMPARED_SETTINGS}
+        },
         caption=lambda wildcards, output: captions_of_tables(*COMPARISONS),
         code=lambda wildcards: code("compare_reference.py"),
     message:
@@ -105,22 +108,22 @@ rule draw_figure:
 INTRODUCTIONS = ["introduction"] * bool(STUDY.cases) + list(
     dict.fromkeys("inference" if trial.table == PAPER else "trials" for trial in STUDY.trials)
 )
-SHOWN_TABLES = [*(name for name in TABLES if name not in NOT_SHOWN), *COMPARISONS]
-ANIMATED = ["galloping"] if LINES else []
-PICTURES_OF_FIELD = [Path(file).stem for file in SHOWN_OF_FIELD if file.endswith(".svg")]
+SHOWN_TABLES = [*(name for name in TABLES if name not in HIDDEN_TABLES), *COMPARISONS]
+ANIMATIONS = ["galloping"] if LINES else []
+FIELD_PICTURES = [Path(file).stem for file in REPORT_OUTPUTS if file.endswith(".svg")]
 
 
 rule write_report:
     input:
         figures=expand("<results>/figures/{figure}.svg", figure=FIGURES),
-        animation=expand("<results>/figures/{name}.gif", name=ANIMATED),
+        animation=expand("<results>/figures/{name}.gif", name=ANIMATIONS),
         tables=expand("<results>/tables/{table}.csv", table=SHOWN_TABLES),
         recordings=expand(
             "<results>/recordings/{recording}/{file}",
             recording=STUDY.settings.recordings,
-            file=SHOWN_OF_FIELD,
+            file=REPORT_OUTPUTS,
         ),
-        region=REGION if Path(REGION).exists() else [],
+        region=REGION_TABLE if Path(REGION_TABLE).exists() else [],
     output:
         **add_receipts(
             report=report(
@@ -141,27 +144,27 @@ rule write_report:
     params:
         labels={
             "labels": {name: what.label for name, what in FIGURES.items()}
-            | dict.fromkeys(ANIMATED, LABEL_OF_ANIMATED)
+            | dict.fromkeys(ANIMATIONS, ANIMATION_LABEL)
         },
         parts={
             "parts": {name: what.part for name, what in FIGURES.items()}
-            | dict.fromkeys(ANIMATED, "engineering")
+            | dict.fromkeys(ANIMATIONS, "engineering")
         },
         introduction=lambda wildcards: {
             "introduction": "\n".join(captions(".", *INTRODUCTIONS).values())
         },
-        captions=lambda wildcards: {"captions": captions("figures", *FIGURES, *ANIMATED)},
+        captions=lambda wildcards: {"captions": captions("figures", *FIGURES, *ANIMATIONS)},
         captions_of_recordings=lambda wildcards: {
             "captions_of_recordings": (
-                captions("field", *PICTURES_OF_FIELD) if STUDY.settings.recordings else {}
+                captions("field", *FIELD_PICTURES) if STUDY.settings.recordings else {}
             )
         },
         headline={
             "headline": (
                 {
                     "case": LINES[0],
-                    "protocol": SENSORS.name,
-                    "noise_unit": SENSORS.noise_unit(
+                    "protocol": SENSOR_PROTOCOL.name,
+                    "noise_unit": SENSOR_PROTOCOL.noise_unit(
                         STUDY.settings.measurement.state_noise == "relative"
                     ),
                 }

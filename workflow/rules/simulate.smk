@@ -31,7 +31,7 @@ rule simulate_line:
     benchmark:
         "<benchmarks>/simulate_line/{case}.tsv"
     wildcard_constraints:
-        case="|".join(name for name in LINES if name not in CONTINUOUS) or "none",
+        case="|".join(name for name in LINES if name not in CONTINUOUS_CASES) or "none",
     conda:
         "../envs/galloping.yaml"
     resources:
@@ -60,7 +60,7 @@ rule simulate_many_modes:
     benchmark:
         "<benchmarks>/simulate_many_modes/{case}.tsv"
     wildcard_constraints:
-        case="|".join(CONTINUOUS) or "none",
+        case="|".join(CONTINUOUS_CASES) or "none",
     conda:
         "../envs/galloping.yaml"
     resources:

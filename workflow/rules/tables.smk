@@ -12,10 +12,13 @@ from galloping.results import MAIN_METHOD
 SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
 READINGS = "<results>/tables/paper_readings.csv"
-MODEL, TRAJECTORY = f"<results>/models/{FIRST}.json", f"<results>/trajectories/{FIRST}.npz"
+MODEL, TRAJECTORY = (
+    f"<results>/models/{FIRST_CASE}.json",
+    f"<results>/trajectories/{FIRST_CASE}.npz",
+)
 # Files in git, beside the workflow: never in a storage with the results.
-PARTS = local("docs/identification_parts.csv")
-REGION = local("results/reference/paper/paper_region.csv")  # what `make paper` found
+ABLATION_TABLE = local("docs/identification_parts.csv")
+REGION_TABLE = local("results/reference/paper/paper_region.csv")  # result of `make paper`
 
 
 def made(function, settings=None, **reads):
@@ -83,7 +86,7 @@ if LINES:
         "table1_conductor": made(
             tables.line_parameters.conductor,
             {"cases": STUDY.plain["cases"]},
-            **({"region": REGION} if Path(REGION).exists() else {}),
+            **({"region": REGION_TABLE} if Path(REGION_TABLE).exists() else {}),
         ),
         "table3_as_printed": made(
             tables.table3.as_printed, table3="<results>/tables/table3_coefficients.csv"
@@ -93,7 +96,7 @@ if LINES:
             tables.table3.table3,
             {
                 "cases": LINES,
-                "continuous": CONTINUOUS,
+                "continuous": CONTINUOUS_CASES,
                 "protocol": paper_protocol.name,
                 "method": paper_method.name,
                 "level": min(STUDY.settings.measurement.levels),
@@ -108,7 +111,7 @@ if LINES:
         "equations": made(
             tables.table3.equations,
             {
-                "case": FIRST,
+                "case": FIRST_CASE,
                 "is_continuous": first_case.is_continuous,
                 "degree": DEGREE,
                 "fits": {
@@ -134,11 +137,11 @@ if LINES:
             {
                 "cases": shown.judged_cases(STUDY),
                 "pairs": [[p.name, m.name] for p in STUDY.protocols for m in STUDY.methods],
-                "steady_window": WINDOW,
+                "steady_window": STEADY_WINDOW,
                 "winds": {case.name: case.line["wind"]["speed"] for case in STUDY.cases},
             },
             scores=SCORES,
-            draws=every("<results>/paper/{case}.csv", case=REDRAWN),
+            draws=every("<results>/paper/{case}.csv", case=REDRAWN_CASES),
             trajectories=every("<results>/trajectories/{case}.npz", case=shown.judged_cases(STUDY)),
         ),
     }
@@ -146,7 +149,7 @@ if DEPARTURES:
     TABLES["paper"] = made(
         tables.judged_claims.paper_table,
         {"departures": DEPARTURES},
-        draws=every("<results>/paper/{case}.csv", case=REDRAWN),
+        draws=every("<results>/paper/{case}.csv", case=REDRAWN_CASES),
         claims="<results>/tables/claims.csv",
     )
 if LINES:
@@ -181,8 +184,8 @@ if LINES:
         "resonance_map": joined(swept(["simulated/{block}"], cases=LINES[:1], maps=True)),
         "prediction": joined(
             every(
-                f"<results>/assessment/{FIRST}/prediction_{{protocol}}.csv",
-                protocol=shown.predicted_cells(STUDY, FIRST),
+                f"<results>/assessment/{FIRST_CASE}/prediction_{{protocol}}.csv",
+                protocol=shown.predicted_cells(STUDY, FIRST_CASE),
             )
         ),
         "limit_cycle_ahead": made(
@@ -190,7 +193,7 @@ if LINES:
             {
                 "method": MAIN_METHOD,
                 "seed": SEED,
-                "steady_window": WINDOW,
+                "steady_window": STEADY_WINDOW,
                 "is_continuous": first_case.is_continuous,
                 "cells": ahead,
             },
@@ -210,11 +213,11 @@ if LINES:
         "clearance": joined(every("<results>/assessment/{case}/clearance.csv", case=LINES)),
         "measures": joined(every("<results>/assessment/{case}/measures.csv", case=LINES)),
     }
-if REDRAWN:
+if REDRAWN_CASES:
     TABLES["reproduction"] = joined(
         every(
             "<results>/reproduction/{parameter}.csv",
-            parameter=[name for name, values in OPENED.items() if values],
+            parameter=[name for name, values in OPEN_PARAMETERS.items() if values],
         )
     )
 if LINES:
@@ -228,8 +231,8 @@ if has_trials(TRUST):
         "fits": joined(fits_of(TRUST)),
         "trust": made(tables.trial_summaries.trust, fits="<results>/tables/fits.csv"),
     }
-    if Path(PARTS).exists():  # not where the study is a module of another one
-        TABLES["ablations"] = joined({"parts": PARTS})  # measured when each was tried
+    if Path(ABLATION_TABLE).exists():  # not where the study is a module of another one
+        TABLES["ablations"] = joined({"parts": ABLATION_TABLE})  # measured when each was tried
 for kind in (SYSTEMS, MODEL_ERROR, EXACT_TERMS, INTERVALS):  # by the name of their table
     if has_trials(kind):
         TABLES[kind] = made(getattr(tables.trial_summaries, kind), parts=fits_of(kind))
@@ -255,9 +258,9 @@ if has_trials(PAPER):
 
 COMPARISONS = ["reference_summary", "reference_differences"]
 TABLES["columns"].settings["tables"] = [*TABLES, *COMPARISONS]
-TOO_LONG = {"scores", "fits", "paper_samples"}
-NOT_SHOWN = TOO_LONG | {"answers"}  # in the report
-NOT_COMPARED = TOO_LONG | {  # with the reference
+LONG_TABLES = {"scores", "fits", "paper_samples"}
+HIDDEN_TABLES = LONG_TABLES | {"answers"}  # tables that the report does not show
+UNCOMPARED_TABLES = LONG_TABLES | {  # tables that are not compared with the reference
     "readings", "table3_as_printed", "equations", "reproduction", "columns",
     "limit_cycles", "bifurcations",  # the points of a branch depend on rounding
 }  # fmt: skip
