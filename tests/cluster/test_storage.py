@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from studies import CONFIGURATION, copy_repository, run, script
 
-from galloping.reproducibility.receipts import SUFFIX
+from galloping.reproducibility.receipts import RECEIPT_SUFFIX
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
@@ -73,8 +73,8 @@ def test_a_study_runs_in_a_storage_and_without_a_shared_file_system(study, folde
     assert not (folder / "main" / "results" / "smoke").exists()
 
     stored = folder / "storage" / "results" / "smoke"
-    receipts = list(stored.rglob(f".*{SUFFIX}"))
-    files = [path.with_name(path.name[1 : -len(SUFFIX)]) for path in receipts]
+    receipts = list(stored.rglob(f".*{RECEIPT_SUFFIX}"))
+    files = [path.with_name(path.name[1 : -len(RECEIPT_SUFFIX)]) for path in receipts]
     assert len(files) > 5
     for path in files:
         assert path.read_bytes() == (study.results / path.relative_to(stored)).read_bytes(), path

@@ -29,7 +29,7 @@ from galloping.configuration.yaml_file import NESTING_MESSAGE, ConfigurationErro
 from galloping.identification.registry import BY_NAME as METHODS
 from galloping.line import continuous
 from galloping.line.galerkin import derive
-from galloping.paper.unknowns import NAMES
+from galloping.paper.unknowns import UNKNOWN_NAMES
 from galloping.study.shown import departures
 from galloping.tables.line_parameters import conductor, spacers
 
@@ -517,4 +517,4 @@ def test_settings_allow_what_there_is():
     """Settings name what they allow themselves: without the imports of what does it."""
     aerodynamics = dict(leaves())["cases.<name>.truth.aerodynamics"]["enum"]
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
-    assert set(plain(load({}))["assessment"]["open_parameters"]) == set(NAMES)
+    assert set(plain(load({}))["assessment"]["open_parameters"]) == set(UNKNOWN_NAMES)

@@ -13,7 +13,7 @@ from galloping.figures import errors
 from galloping.figures.each_term import draw_coefficients
 from galloping.figures.motions import draw_histories, draw_recovery
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
-from galloping.figures.style import METHODS, method_style, write_figure
+from galloping.figures.style import METHOD_STYLES, method_style, write_figure
 from galloping.figures.verdicts import ERROR_LABELS, draw_model_error, draw_trust
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import derive
@@ -77,7 +77,7 @@ def test_same_data_same_bytes_without_a_date(tmp_path):
 
 
 def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
-    names = [*METHODS, "new_method"]
+    names = [*METHOD_STYLES, "new_method"]
     looks = [method_style(name) for name in names]
     assert looks == [method_style(name) for name in names]
     for one, other in combinations(looks, 2):

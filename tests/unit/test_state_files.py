@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from galloping.reproducibility.lock import FOLDERS, Obstacle, check_places
+from galloping.reproducibility.lock import RESULT_FOLDERS, Obstacle, check_places
 from galloping.reproducibility.receipts import (
     DIGEST_FILE,
     Receipt,
@@ -85,4 +85,4 @@ def test_what_lies_where_something_else_belongs_is_named(path, is_folder):
 
 def test_the_folders_of_results_are_those_of_the_rules():
     text = "".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
-    assert set(FOLDERS) == set(re.findall(r"<results>/([a-z]+)(?=[/\"])", text))
+    assert set(RESULT_FOLDERS) == set(re.findall(r"<results>/([a-z]+)(?=[/\"])", text))

@@ -9,7 +9,7 @@ from galloping.figures.style import spoken
 from galloping.reproducibility.job import run
 from galloping.study.files import read
 
-ANIMATED_PERIODS = 3  # of the slower direction: the motion nearly closes
+ANIMATED_PERIODS = 3  # periods of the slower direction; the motion nearly repeats
 
 
 def animate_line(animation, case, trajectory, line, window):

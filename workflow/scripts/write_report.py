@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from galloping.figures.style import METHODS, method_style
+from galloping.figures.style import METHOD_STYLES, method_style
 from galloping.report.data_dictionary import captions as captions_of_tables
 from galloping.report.equations import side_by_side
-from galloping.report.page import PARTS, Item, made_by, render, versions
+from galloping.report.page import PART_TITLES, Item, made_by, render, versions
 from galloping.report.printed_numbers import section
 from galloping.report.results_in_words import inferred, on_engineering, on_methods
 from galloping.reproducibility.digest import commit
@@ -50,7 +50,7 @@ def write_report(
     shown = _items(tables, {name: texts[name] for name in (Path(t).stem for t in tables)}, {})
     read = {name: read_table(shown[name].path) for name in TABLES_OF_SENTENCES if name in shown}
     paper, known = read.get("paper"), read_table(region) if region else None
-    names = {name: method_style(name).label for name in METHODS}
+    names = {name: method_style(name).label for name in METHOD_STYLES}
     sentences = {
         "paper": inferred(read["paper_region"]) if "paper_region" in read else [],
         "methods": on_methods(read, **headline, labels=names),
@@ -61,7 +61,7 @@ def write_report(
             "sentences": sentences[part],
             "figures": [item for name, item in drawn.items() if parts[name] == part],
         }
-        for part in PARTS
+        for part in PART_TITLES
     }
     equations = read.get("equations")
     page = {

@@ -32,7 +32,8 @@ from galloping.trials import paper_inference
 
 pytestmark = pytest.mark.xdist_group("inference")
 
-KNOWN = dict(zip(unknowns.NAMES, (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.0017), strict=True))
+VALUES = (10.0, 0.0059, 0.0054, 0.53, 0.66, 0.109, 0.0017)
+KNOWN = dict(zip(unknowns.UNKNOWN_NAMES, VALUES, strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +175,8 @@ def test_tables_and_figure(tried):
         sums = samples.groupby("stage")[f"weight_{group}"].sum()
         np.testing.assert_allclose(sums, 1.0)
     table = tables.region_table(samples, readings).set_index("unknown")
-    assert (table.loc[list(unknowns.NAMES), "low"] <= table.loc[list(unknowns.NAMES), "high"]).all()
+    rows = table.loc[list(unknowns.UNKNOWN_NAMES)]
+    assert (rows["low"] <= rows["high"]).all()
     assert table.loc["mode shape", "verdict"] == "determined"
     predicted = tables.predictions(samples)
     assert len(predicted) == len(PRINTED_CLAIMS)
@@ -185,15 +187,16 @@ def test_tables_and_figure(tried):
     assert (pairs["both"] <= pairs[["first", "second"]].min(axis=1)).all()
     region = tables.region_table(samples, readings)
     figure = draw_region(region, readings)
-    known = (table.loc[list(unknowns.NAMES), "verdict"].dropna() == "determined").sum()
-    assert f"{known} of {len(unknowns.NAMES)}" in figure.get_label()
+    known = (table.loc[list(unknowns.UNKNOWN_NAMES), "verdict"].dropna() == "determined").sum()
+    assert f"{known} of {len(unknowns.UNKNOWN_NAMES)}" in figure.get_label()
     shares = [bar.get_width() for bar in figure.axes[0].containers[1]]
-    assert len(shares) == len(unknowns.NAMES) and all(0 <= share <= 100 for share in shares)
+    assert len(shares) == len(unknowns.UNKNOWN_NAMES) and all(0 <= share <= 100 for share in shares)
 
 
 def test_every_reading_is_a_line_that_can_gallop():
     loads = [
-        reading.case_at(KNOWN, RESONANT)["ice"]["vertical"] for reading in unknowns.BY_NAME.values()
+        reading.case_at(KNOWN, RESONANT)["ice"]["vertical"]
+        for reading in unknowns.READINGS_BY_NAME.values()
     ]
     assert all(b1 > 0 > b3 for b1, _, b3 in loads)
     assert len({b2 for _, b2, _ in loads}) == 4

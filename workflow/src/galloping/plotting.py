@@ -114,7 +114,7 @@ def plot_phase(
         If `states` are not two or three states of the model, or the model has random forces.
     """
     from galloping.figures import parts
-    from galloping.figures.style import MODEL, TRUE, styled
+    from galloping.figures.style import MODEL_COLOR, TRUE_COLOR, styled
     from galloping.summary.drawing import FONT_SIZE
 
     model, given = _model_of(found, recordings)
@@ -137,11 +137,16 @@ def plot_phase(
         space: dict[str, Any] = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}
         figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)
         axes.plot(
-            *recording.values[:, columns].T, ls="", marker=".", ms=2, color=TRUE, label="samples"
+            *recording.values[:, columns].T,
+            ls="",
+            marker=".",
+            ms=2,
+            color=TRUE_COLOR,
+            label="samples",
         )
         if start is not None:
             motion = follow.motion(model.model, start, time)
-            axes.plot(*motion[:, columns].T, color=MODEL, lw=0.7, label="model")
+            axes.plot(*motion[:, columns].T, color=MODEL_COLOR, lw=0.7, label="model")
         axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), shown, strict=False)))
         parts.legend(figure)
     return figure

@@ -24,7 +24,7 @@ MAIN_FAMILY = "likelihood"  # family of the main method
 
 
 DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}  # columns of the displacements in the states
-ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}  # degrees of terms
+TERM_DEGREES = {"linear": 1, "quadratic": 2, "cubic": 3}  # degrees of terms
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from galloping.paper.unknowns import BY_NAME
+from galloping.paper.unknowns import READINGS_BY_NAME
 
 with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") as file:
     PUBLISHED = {row["name"]: row for row in csv.DictReader(file)}
@@ -112,7 +112,7 @@ KINDS = {
         ),
         usable=INPUT_METHODS,
     ),
-    "paper": Kind(PAPER, cases=tuple(BY_NAME), methods=("paper",)),
+    "paper": Kind(PAPER, cases=tuple(READINGS_BY_NAME), methods=("paper",)),
 }  # fmt: skip
 
 

@@ -155,7 +155,7 @@ FolderPath = Annotated[
 PROJECT_FOLDERS = ("config", "tests", "workflow", "results/reference")
 
 MIN_WINDOW_INTERVALS = 10  # sampling intervals in a steady window; fewer show no amplitude
-MAX_SAMPLING_INTERVALS = 10_000_000  # of a simulation; a larger number is likely a mistake
+MAX_SAMPLING_INTERVALS = 10_000_000  # in a simulation; more are likely a mistake
 
 PARAMETER_NAME = one_of(tuple(PARAMETERS))
 MAX_SWEEP_VALUES = 1000  # values of a swept parameter

@@ -19,7 +19,7 @@ from galloping.identification.sparse.regression import Path, check_nonzero
 from galloping.identification.sparse.supports import solve, threshold_path
 from galloping.model.polynomial import PolynomialModel
 from galloping.recording.samples import Recording
-from galloping.results import ORDERS
+from galloping.results import TERM_DEGREES
 
 CHOICES = ("least error", "right terms")
 
@@ -46,7 +46,7 @@ def _error_weights(true: PolynomialModel) -> np.ndarray:
     judged = true.support.copy()
     judged[[i for i in range(len(judged)) if i not in DYNAMIC_ROWS]] = False
     weights = np.zeros(judged.shape)
-    for order in ORDERS.values():
+    for order in TERM_DEGREES.values():
         terms = judged & (degree == order)
         weights[terms] = 1 / (max(terms.sum(), 1) * np.abs(true.coefficients[terms]))
     # the kinematic equations do not enter the mean error: their own relative errors

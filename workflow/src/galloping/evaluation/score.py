@@ -12,7 +12,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import EQUATIONS
 from galloping.model.intervals import NORMAL_95, QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
-from galloping.results import DISPLACEMENT_COLUMNS, ORDERS, Reconstruction
+from galloping.results import DISPLACEMENT_COLUMNS, TERM_DEGREES, Reconstruction
 from galloping.trajectory.simulation import Simulator, Trajectory
 
 DYNAMIC_ROWS = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
@@ -187,7 +187,7 @@ def mean_error_by_order(
     chosen, degree, means = list(equations), np.array([sum(term) for term in true.terms]), {}
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.abs(coefficients - true.coefficients) / np.abs(true.coefficients)
-    for name, order in ORDERS.items():
+    for name, order in TERM_DEGREES.items():
         own = errors[chosen][true.support[chosen] & (degree == order)]
         if own.size:
             means[name] = float(np.mean(own)) if np.all(np.isfinite(own)) else np.inf

@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from galloping.figures import parts, style
-from galloping.paper.claims import BY_NAME
-from galloping.paper.unknowns import LABELS
+from galloping.paper.claims import CLAIMS_BY_NAME
+from galloping.paper.unknowns import UNKNOWN_LABELS
 from galloping.results import PAPER_METHOD
 
 METHOD_COLOR = style.method_style(PAPER_METHOD).color  # color of its realisations
@@ -26,9 +26,9 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     the paper's numbers.
     """
     rows = table[(table["case"] == settings["case"]) & table["median"].notna()]
-    rows = rows[rows["claim"].isin(BY_NAME) & (rows["role"] == "counted")]
-    numbers = rows[[BY_NAME[name].is_number for name in rows["claim"]]]
-    bounds = rows[[BY_NAME[name].is_r2 for name in rows["claim"]]]
+    rows = rows[rows["claim"].isin(CLAIMS_BY_NAME) & (rows["role"] == "counted")]
+    numbers = rows[[CLAIMS_BY_NAME[name].is_number for name in rows["claim"]]]
+    bounds = rows[[CLAIMS_BY_NAME[name].is_r2 for name in rows["claim"]]]
     if numbers.empty and bounds.empty:
         return parts.make_empty_figure("the paper's claims are not judged in this study")
     height = 0.85 + 0.185 * max(len(numbers), len(bounds))
@@ -42,7 +42,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         parts.dot(left, k, (row.median, row.low, row.high), limits, METHOD_COLOR, "o", 4, bar=bar)
         if row.high > limits[1]:
             left.plot(limits[1], k, ">", color=METHOD_COLOR, ms=4, clip_on=False)
-        left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
+        left.plot(row.printed, k, "*", color=style.PAPER_COLOR, ms=8, mew=0, zorder=5)
     parts.rows(left, list(map(_shorten_claim, numbers["claim"])), lines=False)
     parts.letter(right, 1, "share that meets a bound")
     columns = ["share_met", "share_met_low", "share_met_high"]
@@ -56,7 +56,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     named = zip(bounds["claim"], bounds["printed"], strict=True)
     names = [name.replace("R2", f"R2 ≥ {bound:g}", 1) for name, bound in named]
     parts.rows(right, list(map(_shorten_claim, names)), lines=False)
-    star = parts.key("printed in the paper", marker="*", color=style.PAPER, ms=8, mew=0)
+    star = parts.key("printed in the paper", marker="*", color=style.PAPER_COLOR, ms=8, mew=0)
     ours = "our realisations: median, 5 to 95 %"
     dot = parts.key(ours, color=METHOD_COLOR, marker="o", ms=4, ls="-")
     share = parts.key("95 % interval of a share", color=METHOD_COLOR, ls="-", lw=1.0)
@@ -81,7 +81,7 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     A second panel shows the relative evidence of each interpretation of the paper's damaged text.
     region: paper_region.csv. readings: of `tables.inference.paper_readings`.
     """
-    numbers = region[region["unknown"].isin(list(LABELS)) & region["low"].notna()]
+    numbers = region[region["unknown"].isin(list(UNKNOWN_LABELS)) & region["low"].notna()]
     figure, ((left, right),) = parts.panels(0.9 + 0.2 * len(readings), 1, 2, width_ratios=(1, 1.3))
     parts.letter(left, 0, "unknown numbers, 5 to 95 %")
     ends = np.log(numbers[["prior_low", "low", "high", "prior_high"]].to_numpy(float)).T
@@ -89,19 +89,19 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     places = np.arange(len(numbers))
     left.barh(places, 100, label="range tried", **RANGE_STYLE)
     left.barh(
-        places, high - low, left=low, height=0.3, color=style.MODEL, label="left by the paper"
+        places, high - low, left=low, height=0.3, color=style.MODEL_COLOR, label="left by the paper"
     )
     for place, row in enumerate(numbers.itertuples()):
         unit = "" if row.unit == "1" else f" {row.unit}"
         text = f"{row.low:.2g} to {row.high:.2g}{unit}"
         left.text(103, place, text, va="center", size="small")
-    parts.rows(left, [LABELS[name] for name in numbers["unknown"]], lines=False)
+    parts.rows(left, [UNKNOWN_LABELS[name] for name in numbers["unknown"]], lines=False)
     left.set(xlim=(0, 165), xticks=[0, 50, 100], xlabel="% of the range, in equal ratios")
     parts.letter(right, 1, "readings of the paper")
     powers = np.maximum(readings["log10_bayes_factor"].to_numpy(float), MIN_EXPONENT)
     right.axvline(0, color=style.DARK_GREY, lw=0.6)
     right.errorbar(powers, np.arange(len(readings)), xerr=2 * readings["standard_error"], fmt="o",
-                   ms=3.5, color=style.MODEL, elinewidth=1.0)  # fmt: skip
+                   ms=3.5, color=style.MODEL_COLOR, elinewidth=1.0)  # fmt: skip
     for k, row in enumerate(readings.itertuples()):
         end = powers[k] + 2 * row.standard_error
         right.text(end + 0.15, k, row.verdict, va="center", size="small",

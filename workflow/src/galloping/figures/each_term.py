@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from galloping.figures import parts
 from galloping.figures.errors import replace_cells
-from galloping.figures.style import DARK_GREY, MODEL, SERIES, SINGLE_COLUMN, TRUE
+from galloping.figures.style import DARK_GREY, MODEL_COLOR, SERIES, SINGLE_COLUMN, TRUE_COLOR
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import EQUATIONS, STATES, Derived
 from galloping.model.polynomial import polynomial_library, velocity_pairs
@@ -61,7 +61,7 @@ def draw_coefficients(
     reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_divide_by_truth(each) - 1)) for each in found))
     limits = max(RATIO_LIMITS[0], 1 - reach), min(RATIO_LIMITS[1], 1 + reach)
     parts.letter(below, 1, "coefficients over their true values")
-    below.axhline(1, color=TRUE, lw=0.8)
+    below.axhline(1, color=TRUE_COLOR, lw=0.8)
     for k, (level, each) in enumerate(zip(levels, found, strict=True)):
         x = np.arange(len(true)) + SYMBOL_SPACING * (k - (len(levels) - 1) / 2)
         _draw_ratios(below, x, each, limits, *SERIES[2 * k % len(SERIES)], f"noise {level:g}")
@@ -86,8 +86,8 @@ def _draw_false_terms(axes: Axes, scores: pd.DataFrame, possible: int, label: st
     places.prepare(axes, label)
     counts = noisy.groupby("level").agg(**spread("spurious"))
     x = [places.position(level) for level in counts.index]
-    axes.vlines(x, counts["low"], counts["high"], color=MODEL, lw=1.0)
-    axes.plot(x, counts["median"], color=MODEL, marker="h", ms=4)
+    axes.vlines(x, counts["low"], counts["high"], color=MODEL_COLOR, lw=1.0)
+    axes.plot(x, counts["median"], color=MODEL_COLOR, marker="h", ms=4)
     axes.axhline(possible, color=DARK_GREY, lw=0.8, ls=":")
     axes.set(ylim=(-0.04 * possible, 1.08 * possible), ylabel="false terms")
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
-from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
+from galloping.figures.style import MODEL_COLOR, PAPER_COLOR, TRUE_COLOR, spoken, styled
 from galloping.line.galerkin import Line, make_mode_shapes, positions
 from galloping.line.measures import NO_MEASURE, design_ellipses, ice_removal
 from galloping.storage import replacing
@@ -27,7 +27,7 @@ ELLIPSES = {
     "CIGRE 322": ("#e69f00", "-."),
 }
 ORBIT_POINTS = 4000  # plotted points at the end of an orbit, about twenty revolutions
-LEVEL_STYLE: dict[str, Any] = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
+LEVEL_STYLE: dict[str, Any] = {"color": TRUE_COLOR, "lw": 0.8, "ls": (0, (6, 3))}
 MEASURE_LABELS = {
     "vertical_amplitude_m": "vertical amplitude, m",
     "critical_wind_m_s": "critical wind, m/s",
@@ -89,11 +89,11 @@ def _draw_orbits_of_case(
         axes.plot([], [], color=color, ls=line, lw=1.1, label=what)
     shades = np.linspace(0.55, 1.0, len(orbits))
     for (wind, places), shade in zip(sorted(orbits.items()), shades, strict=True):
-        axes.plot(*places[-ORBIT_POINTS:].T, color=MODEL, alpha=shade, lw=0.6 + shade,
+        axes.plot(*places[-ORBIT_POINTS:].T, color=MODEL_COLOR, alpha=shade, lw=0.6 + shade,
                   label=f"{wind:g} m/s")  # fmt: skip
         axes.annotate(
             f"{wind:g}", places[np.argmax(places[:, 1])], xytext=(0, 2),
-            textcoords="offset points", ha="center", color=MODEL, size="x-small",
+            textcoords="offset points", ha="center", color=MODEL_COLOR, size="x-small",
         )  # fmt: skip
     axes.plot(0, 0, marker="+", ms=8, color=INK)
     axes.axhline(sag, **LEVEL_STYLE)
@@ -129,16 +129,16 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
             reach = np.max(known, initial=least, where=np.isfinite(known))
             parts.rows(axes, labels)
             for place, value in enumerate(values):
-                text, end, color = _format_value(value[0]), 0.0, PAPER
+                text, end, color = _format_value(value[0]), 0.0, PAPER_COLOR
                 if np.isfinite(value[0]):
                     text += " or never" if np.isposinf(value[2]) else ""
-                    end, color = np.nanmax(np.minimum(value, reach)), MODEL
+                    end, color = np.nanmax(np.minimum(value, reach)), MODEL_COLOR
                     limits = (-np.inf, reach)
-                    parts.dot(axes, place, value, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
+                    parts.dot(axes, place, value, limits, MODEL_COLOR, "o", 3.5, bar={"lw": 1.6})
                 axes.annotate(text, (end, place), (5, 0), textcoords="offset points", va="center",
                               size="small", color=color)  # fmt: skip
             axes.set(xlim=(-0.04 * reach, 1.4 * max(reach, 1e-3)))
-        axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
+        axes.axvline(limit, color=PAPER_COLOR, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
     parts.legend(figure)
     figure.set_label(_most_useful(table[table["case"] == next(iter(settings["cases"]))]))
     return figure
@@ -229,15 +229,15 @@ def _prepare_scene(
     elevation.set_title(title, loc="left")
     reach = 1.15 * np.max(np.abs(states[:, :2])) or 1.0  # m, of a line at rest
     elevation.plot(s, rest, **LEVEL_STYLE)
-    (side,) = elevation.plot(s, rest, color=MODEL, lw=1.6)
+    (side,) = elevation.plot(s, rest, color=MODEL_COLOR, lw=1.6)
     elevation.set(
         xlim=(0, line.span), ylim=(-line.sag - reach, 1.0), ylabel="height, m", xticklabels=[]
     )
     plan.axhline(0, **LEVEL_STYLE)
-    (above,) = plan.plot(s, 0 * s, color=MODEL, lw=1.6)
+    (above,) = plan.plot(s, 0 * s, color=MODEL_COLOR, lw=1.6)
     plan.set(xlim=(0, line.span), ylim=(-reach, reach), xlabel="m along the span",
              ylabel="downwind, m")  # fmt: skip
-    middle.plot(states[:, 1], states[:, 0], color=TRUE, lw=0.8)
+    middle.plot(states[:, 1], states[:, 0], color=TRUE_COLOR, lw=0.8)
     (place,) = middle.plot([0], [0], ls="", marker="s", ms=5, mfc="white", mec=INK, mew=1.3)
     middle.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
                xlabel="downwind at mid-span, m", ylabel="vertical, m")  # fmt: skip

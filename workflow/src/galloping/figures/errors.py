@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from galloping.figures import parts
 from galloping.figures.style import (
     DARK_GREY,
-    PAPER,
+    PAPER_COLOR,
     SERIES,
     SHADE,
     SINGLE_COLUMN,
@@ -22,7 +22,7 @@ from galloping.figures.style import (
 from galloping.paper.claims import CLAIMS, Claim
 from galloping.recording.measurement import PROTOCOLS_BY_NAME
 from galloping.results import BOUND, MAIN_METHOD, NOISE, PAPER_METHOD
-from galloping.tables.scores import ORACLE_SETTING, ORDERS, mean_error, of_kind, spread
+from galloping.tables.scores import ORACLE_SETTING, TERM_DEGREES, mean_error, of_kind, spread
 
 DEFAULT_LIMITS = (1e-2, 1e2)  # percent: limits of an axis without errors
 SERIES_SPACING = 0.035  # distance between series at one place, decades
@@ -86,7 +86,7 @@ class Quantity:
 
 QUANTITIES = {
     "coefficients": Quantity(
-        {f"mean_error_{order}_percent": f"{order} terms" for order in ORDERS},
+        {f"mean_error_{order}_percent": f"{order} terms" for order in TERM_DEGREES},
         "mean error of\nthe coefficients, %",
         "Median error, {}",
     ),
@@ -154,7 +154,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
                 if claim.is_counted and is_drawn and claim.level in set(chosen["level"]):
                     place = at[getattr(claim, x)], quantity.place(claim.printed)
                     look = STAR if claim.is_number else BAR
-                    axes.plot(*place, ls="", color=PAPER, **look)
+                    axes.plot(*place, ls="", color=PAPER_COLOR, **look)
     parts.legend(figure, columns=2)
     figure.set_label(_describe_trend(chosen, x, quantities[-1]))
     return figure

@@ -18,8 +18,8 @@ from galloping.results import Reconstruction
 SHOWN_SHARE = 0.1  # share of a record that is plotted, at its end
 AXIS_RATIO = 1.5  # limit of the axis over the true amplitude
 ROW_HEIGHT = 0.68  # inches
-TRUE_LINE: dict[str, Any] = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
-MODEL_LINE: dict[str, Any] = {"color": style.MODEL, "lw": 0.9, "ls": (0, (3, 1.5))}
+TRUE_LINE: dict[str, Any] = {"color": style.TRUE_COLOR, "lw": 2.0, "ls": "-"}
+MODEL_LINE: dict[str, Any] = {"color": style.MODEL_COLOR, "lw": 0.9, "ls": (0, (3, 1.5))}
 CASE_DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
 
 
@@ -205,15 +205,17 @@ def _draw_branches(
             reached = kept | np.append(False, kept[:-1])  # up to the first point beyond a change
             if kept.any():
                 y_kept = np.where(reached, y, np.nan)
-                axes.plot(x, y_kept, color=style.MODEL, ls=line, lw=1.2, zorder=2, label=label)
+                axes.plot(
+                    x, y_kept, color=style.MODEL_COLOR, ls=line, lw=1.2, zorder=2, label=label
+                )
     simulated = cycles[is_simulated]
     irregular = simulated[simulated["kind"] == "irregular"]
     if len(irregular):
         ends = (irregular[f"{AMPLITUDES[direction]}_{end}_m"] for end in ("min", "max"))
-        axes.vlines(irregular["value"], *ends, color=style.PAPER, lw=1.2,
+        axes.vlines(irregular["value"], *ends, color=style.PAPER_COLOR, lw=1.2,
                     label="its range, not repeating")  # fmt: skip
     axes.plot(simulated["value"], simulated[name], ls="", marker="o", ms=3, mfc="white",
-              mec=style.PAPER, mew=0.8, zorder=3, label="long simulation")  # fmt: skip
+              mec=style.PAPER_COLOR, mew=0.8, zorder=3, label="long simulation")  # fmt: skip
     for kind, marker in MARKS.items():
         at = bifurcations[bifurcations["name"] == kind]
         if len(at):
@@ -258,7 +260,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         ):
             at = table[chosen]
             axes.plot(
-                at["x"], at["y"], ls="", marker=marker, ms=4, mfc="white", mec=style.PAPER,
+                at["x"], at["y"], ls="", marker=marker, ms=4, mfc="white", mec=style.PAPER_COLOR,
                 label=text if len(at) else None,
             )  # fmt: skip
         axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
@@ -291,7 +293,7 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
         _set_title(axes, k, STATES[direction])
         lines = {m: parts.where(chosen, method=m, direction=direction) for m in methods}
         _draw_predictions(axes, lines)
-        axes.axvline(settings["recorded"], color=style.TRUE, lw=0.8, ls=":",
+        axes.axvline(settings["recorded"], color=style.TRUE_COLOR, lw=0.8, ls=":",
                      label="wind of the recording")  # fmt: skip
         axes.set_ylabel("amplitude, m")
     axes.set_xlabel("wind speed, m/s")
@@ -314,7 +316,9 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
 def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
     """Draw the predicted lines. lines: rows by method, of which the first has an interval."""
     first = next(iter(lines.values()))
-    axes.plot(first["wind_m_s"], first["true_m"], color=style.TRUE, lw=4, zorder=0.9, label="truth")
+    axes.plot(
+        first["wind_m_s"], first["true_m"], color=style.TRUE_COLOR, lw=4, zorder=0.9, label="truth"
+    )
     axes.vlines(first["wind_m_s"], first["low_m"], first["high_m"], color="k", lw=1.6, zorder=5,
                 label="95 % interval")  # fmt: skip
     for method, line in lines.items():

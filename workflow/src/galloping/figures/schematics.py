@@ -11,7 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
 
 from galloping.figures import parts
-from galloping.figures.style import BAND, MODEL, PAPER, SINGLE_COLUMN, TRUE, spoken
+from galloping.figures.style import (
+    BAND,
+    MODEL_COLOR,
+    PAPER_COLOR,
+    SINGLE_COLUMN,
+    TRUE_COLOR,
+    spoken,
+)
 from galloping.line.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
 from galloping.recording.measurement import Motion
 
@@ -82,10 +89,10 @@ def _draw_elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> N
         return -4 * sag * (s / span) * (1 - s / span)
 
     s, nodes = np.linspace(0, span, 201), positions(span)
-    axes.plot([0, span], [0, 0], color=TRUE, lw=0.8, ls=(0, (6, 3)))
+    axes.plot([0, span], [0, 0], color=TRUE_COLOR, lw=0.8, ls=(0, (6, 3)))
     axes.plot(s, rest(s), color=INK, lw=1.6)
     mode = MODES[case["line"]["mode_shape"]](Line.from_case(case)).shape
-    axes.plot(nodes, rest(nodes) + 0.35 * sag * mode, color=MODEL, lw=0.9, ls="--")
+    axes.plot(nodes, rest(nodes) + 0.35 * sag * mode, color=MODEL_COLOR, lw=0.9, ls="--")
     for support in (0, span):
         axes.plot([support, support], [low, 0.12 * sag], color=INK, lw=2.2)
     spacers = np.asarray(case["spacers"]["positions"], float)
@@ -113,7 +120,7 @@ def _draw_elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> N
           for k, place in enumerate(spacers, start=1)),
     )  # fmt: skip
     first = r"first mode, $V=\phi_v(s)\,q_v$"
-    _add_texts(axes, (0.5 * span, -1.45 * sag, first, "center", "top"), color=MODEL)
+    _add_texts(axes, (0.5 * span, -1.45 * sag, first, "center", "top"), color=MODEL_COLOR)
     ground = {"facecolor": "white", "edgecolor": "none", "pad": 1}
     where = middle - 0.01 * span, -0.35 * sag
     _add_texts(axes, (*where, f"sag {sag:.2f} m", "right", "center"), bbox=ground)
@@ -124,16 +131,16 @@ def _draw_section(axes: Axes, count: int) -> None:
     turn = np.pi / count + 2 * np.pi * np.arange(count) / count
     ring = 0.0 if count == 1 else 1.0
     x, y = ring * np.cos(turn), ring * np.sin(turn)
-    axes.plot([*x, x[0]], [*y, y[0]], color=TRUE, lw=2.0, zorder=0)
+    axes.plot([*x, x[0]], [*y, y[0]], color=TRUE_COLOR, lw=2.0, zorder=0)
     for place in zip(x, y, strict=True):
         iced_conductor(axes, *place, 0.2)
     axes.add_patch(Circle((0, 0), 0.05, color=INK))
     for end in ((0, 0.55), (0.55, 0)):
         arrow(axes, (0, 0), end)
     for height in (-0.35, 0, 0.35):
-        arrow(axes, (-1.75, height), (-1.25, height), color=MODEL)
+        arrow(axes, (-1.75, height), (-1.25, height), color=MODEL_COLOR)
     _add_texts(axes, (0.06, 0.52, "$V$", "left", "center"), (0.58, 0.0, "$W$", "left", "center"))
-    _add_texts(axes, (-1.62, 0.45, "wind $U$", "center", "bottom"), color=MODEL)
+    _add_texts(axes, (-1.62, 0.45, "wind $U$", "center", "bottom"), color=MODEL_COLOR)
     _add_texts(axes, (-0.05, -0.12, "reference\ncurve", "center", "top"),
          (0.0, -1.08, "spacer frame, ice to windward", "center", "top"),
          fontsize="x-small")  # fmt: skip
@@ -174,10 +181,10 @@ def _draw_force_curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray,
     reach = 1.3 * max(float(np.max(np.abs(attack))), 0.05)
     alpha = np.linspace(-reach, reach, 201)
     axes.axvspan(float(attack.min()), float(attack.max()), color=BAND, alpha=0.45, lw=0)
-    axes.axhline(0, color=TRUE, lw=0.6)
-    axes.axvline(0, color=TRUE, lw=0.6)
+    axes.axhline(0, color=TRUE_COLOR, lw=0.6)
+    axes.axvline(0, color=TRUE_COLOR, lw=0.6)
     force = sum(value * alpha**power for power, value in enumerate(values, start=1))
-    axes.plot(alpha, force, color=MODEL, ls=line, lw=1.4)
+    axes.plot(alpha, force, color=MODEL_COLOR, ls=line, lw=1.4)
     axes.set(xlim=(-reach, reach), xlabel="attack angle $\\alpha$, rad")
 
 
@@ -185,18 +192,18 @@ def _draw_vectors(axes: Axes) -> None:
     """Draw velocities and forces of a section that moves up: the relative wind comes from above."""
     iced_conductor(axes, 0, 0, 0.3)
     tip, start, above = (-0.62, 0.0), (-2.17, 0.0), (-2.17, 0.62)
-    arrow(axes, start, tip, color=MODEL, width=1.5)
-    arrow(axes, above, start, color=MODEL, line="--", width=1.2)
-    arrow(axes, above, tip, color=PAPER, width=1.5)
-    arrow(axes, (0.55, 0.3), (0.55, 0.95), color=MODEL, line="--", width=1.2)
+    arrow(axes, start, tip, color=MODEL_COLOR, width=1.5)
+    arrow(axes, above, start, color=MODEL_COLOR, line="--", width=1.2)
+    arrow(axes, above, tip, color=PAPER_COLOR, width=1.5)
+    arrow(axes, (0.55, 0.3), (0.55, 0.95), color=MODEL_COLOR, line="--", width=1.2)
     arrow(axes, (0, 0.3), (0, 1.2), width=1.8)
     arrow(axes, (0.3, 0), (1.2, 0), width=1.8)
     angle = np.degrees(np.arctan2(above[1], tip[0] - above[0]))
     axes.add_patch(Arc(tip, 1.7, 1.7, theta1=180 - angle, theta2=180, color=INK, lw=0.8))
     _add_texts(axes, (-1.5, -0.08, "wind $U$", "center", "top"),
          (start[0] - 0.06, 0.31, r"$-\dot V$", "right", "center"),
-         (0.62, 0.65, r"velocity $\dot V$", "left", "center"), color=MODEL)  # fmt: skip
-    _add_texts(axes, (-2.1, 0.68, "relative wind $U_r$", "left", "bottom"), color=PAPER)
+         (0.62, 0.65, r"velocity $\dot V$", "left", "center"), color=MODEL_COLOR)  # fmt: skip
+    _add_texts(axes, (-2.1, 0.68, "relative wind $U_r$", "left", "bottom"), color=PAPER_COLOR)
     law = r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,C_{Y,Z}(\alpha)$"
     _add_texts(
         axes, (0.07, 1.13, "$F_Y$", "left", "center"), (1.15, 0.12, "$F_Z$", "center", "bottom"),
@@ -234,10 +241,10 @@ def draw_flow(settings: Mapping) -> Figure:
     # the way of the truth around identification, straight into the comparison
     right, margin = COLUMN_CENTRES[2] + width / 2, SINGLE_COLUMN - 0.06
     axes.plot([right, margin, margin], [ROW_CENTRES[0], ROW_CENTRES[0], ROW_CENTRES[2]],
-              color=PAPER, lw=1.0, ls=(0, (4, 2)))  # fmt: skip
-    arrow(axes, (margin, ROW_CENTRES[2]), (right, ROW_CENTRES[2]), color=PAPER)
+              color=PAPER_COLOR, lw=1.0, ls=(0, (4, 2)))  # fmt: skip
+    arrow(axes, (margin, ROW_CENTRES[2]), (right, ROW_CENTRES[2]), color=PAPER_COLOR)
     where = margin - 0.05, (ROW_CENTRES[1] + ROW_CENTRES[2]) / 2
-    _add_texts(axes, (*where, "the truth", "right", "center"), color=PAPER, fontsize="small")
+    _add_texts(axes, (*where, "the truth", "right", "center"), color=PAPER_COLOR, fontsize="small")
     figure.set_label("Identification sees the recordings alone")
     return figure
 

@@ -20,10 +20,10 @@ from galloping.storage import replacing
 
 SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.2  # inches: widths of one and two columns of a paper
 
-TRUE = "#9a9a9a"  # color of the true motion, a broad line below the reconstructed motion
-MODEL = "#11115a"
+TRUE_COLOR = "#9a9a9a"  # color of the true motion, a broad line below the reconstructed motion
+MODEL_COLOR = "#11115a"  # color of identified models
 BAND = "#f2c46d"
-PAPER = "#b30000"  # color of numbers printed in the paper
+PAPER_COLOR = "#b30000"  # color of numbers printed in the paper
 SHADE = "#ececec"  # color of shaded areas
 LIGHT_GREY = "#e4e4e4"  # color of lines between rows
 DARK_GREY = "#5f5f5f"  # color of side notes
@@ -61,7 +61,7 @@ class MethodStyle:
     weight: float = 1.0
 
 
-METHODS = {
+METHOD_STYLES = {
     "stlsq": MethodStyle("STLSQ", "#11115a", "o", "-"),
     "paper": MethodStyle("paper's method", "#1f78b4", "s", "--"),
     "lasso": MethodStyle("LASSO", "#e69f00", "D", "-."),
@@ -85,8 +85,8 @@ def method_style(name: str) -> MethodStyle:
 
     It is the same in every figure and every study.
     """
-    if name in METHODS:
-        return METHODS[name]
+    if name in METHOD_STYLES:
+        return METHOD_STYLES[name]
     first, second, third, *_ = sha256(name.encode()).digest()
     return MethodStyle(
         name.replace("_", " "),

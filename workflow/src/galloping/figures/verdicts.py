@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from galloping.configuration.kinds import GAMMAS
 from galloping.figures import parts
-from galloping.figures.style import DARK_GREY, MODEL, SERIES, SHADE, method_style, spoken
+from galloping.figures.style import DARK_GREY, MODEL_COLOR, SERIES, SHADE, method_style, spoken
 from galloping.results import MAIN_METHOD
 from galloping.tables.trial_summaries import METHODS
 
@@ -58,7 +58,7 @@ def draw_trust(table: pd.DataFrame) -> Figure:
         of_status = of_status.reindex(STATUSES, fill_value=0).set_axis(["all", "right"], axis=1)
         places, shares = np.arange(len(STATUSES)), 100.0 / len(fits) * of_status.astype(float)
         axes.barh(places, shares["all"], height=0.6, **WHOLE_STYLE)
-        axes.barh(places, shares["right"], height=0.6, color=MODEL)
+        axes.barh(places, shares["right"], height=0.6, color=MODEL_COLOR)
         for place, row in zip(places.tolist(), of_status.itertuples(), strict=True):
             text = f"{row.right:d} of {row.all}" if row.all else "none"
             end = 100.0 / len(fits) * row.all + 1.5
@@ -67,7 +67,7 @@ def draw_trust(table: pd.DataFrame) -> Figure:
         axes.set(xlim=(0, 118), xticks=[0, 25, 50, 75, 100])
     for axes in grid[-2:]:
         axes.set_xlabel("share of the fits, %")
-    right = Patch(facecolor=MODEL, label="right")
+    right = Patch(facecolor=MODEL_COLOR, label="right")
     parts.legend(
         figure, right, Patch(label="ok and wrong, or a doubt without reason", **WHOLE_STYLE)
     )

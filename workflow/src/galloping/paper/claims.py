@@ -145,7 +145,7 @@ def _read_claims() -> tuple[Claim, ...]:
 
 _ROWS = _read_claims()
 CLAIMS = tuple(claim for claim in _ROWS if claim.kind != BEYOND)
-BY_NAME = {claim.name: claim for claim in CLAIMS}
+CLAIMS_BY_NAME = {claim.name: claim for claim in CLAIMS}
 UNJUDGED_CLAIMS = tuple(claim for claim in _ROWS if claim.kind == BEYOND)
 
 UNDECIDED = "undecided"

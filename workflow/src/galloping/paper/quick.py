@@ -25,7 +25,7 @@ from galloping.model.polynomial import (
 from galloping.paper.draws import N_THRESHOLDS, NOISES_BY_READING, Amounts, Products
 from galloping.paper.unknowns import MethodReading
 from galloping.recording.measurement import Motion, channel_scale
-from galloping.results import DISPLACEMENT_COLUMNS, KNOWN, ORDERS
+from galloping.results import DISPLACEMENT_COLUMNS, KNOWN, TERM_DEGREES
 
 STEP_SAMPLES = 5  # samples in a step of the simulation
 LANES = 16  # models simulated side by side
@@ -100,7 +100,7 @@ class QuickStudy:
         found = [score.support_scores(self.true, model) for model in models]
         columns = {
             f"mean_error_{order}_percent": [100 * each.get(order, np.nan) for each in errors]
-            for order in ORDERS
+            for order in TERM_DEGREES
         }
         return columns | {name: [each[name] for each in found] for name in ("missing", "spurious")}
 

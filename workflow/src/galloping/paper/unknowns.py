@@ -47,8 +47,8 @@ UNKNOWNS = (
     Unknown("bundle_dimension", 0.0276, 0.6, "m", "bundle dimension", ("bundle", "dimension")),
     Unknown("threshold", 1e-4, 0.1, "1", "threshold", ()),
 )  # fmt: skip
-NAMES = tuple(unknown.name for unknown in UNKNOWNS)
-LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
+UNKNOWN_NAMES = tuple(unknown.name for unknown in UNKNOWNS)
+UNKNOWN_LABELS = {unknown.name: unknown.label for unknown in UNKNOWNS}
 # logarithms of the ends of the prior ranges
 LOG_LOW, LOG_HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "high"))
 
@@ -160,4 +160,4 @@ READINGS = (
             method=MethodReading(protocol="smoothed states")),
     *_ICE[1:],
 )  # fmt: skip
-BY_NAME = {reading.name: reading for reading in READINGS}
+READINGS_BY_NAME = {reading.name: reading for reading in READINGS}

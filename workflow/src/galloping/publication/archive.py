@@ -49,7 +49,7 @@ ZIP_ERRORS = (
     FileExistsError, NotADirectoryError, IsADirectoryError, ArithmeticError, LookupError,
     MemoryError, AttributeError, TypeError,
 )  # fmt: skip
-NAME_ERRORS = (errno.EINVAL, errno.ENAMETOOLONG, errno.EOVERFLOW)  # also raised for bad offsets
+NAME_ERRORS = (errno.EINVAL, errno.ENAMETOOLONG, errno.EOVERFLOW)  # errors in names and offsets
 
 
 class NotRestorable(Exception):

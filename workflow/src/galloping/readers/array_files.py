@@ -37,11 +37,12 @@ class StoredArray:
 def arrays_in(path: Path, suffix: str) -> Iterator[StoredArray]:
     """Iterate over descriptions of the arrays in a Parquet, HDF5, NetCDF or MATLAB file.
 
-    suffix: a key of READERS; without effect if the file is HDF5, as newer NetCDF and MATLAB files.
+    suffix: a key of ARRAY_READERS; without effect if the file is HDF5, as newer NetCDF and
+    MATLAB files.
     """
     import h5py
 
-    return (_hdf5 if h5py.is_hdf5(path) else READERS[suffix])(path)
+    return (_hdf5 if h5py.is_hdf5(path) else ARRAY_READERS[suffix])(path)
 
 
 def _parquet(path: Path) -> Iterator[StoredArray]:
@@ -148,4 +149,6 @@ def check_size(n_bytes: int, contents: str = "") -> None:
         )
 
 
-READERS = {".parquet": _parquet, ".h5": _hdf5, ".hdf5": _hdf5, ".nc": _netcdf, ".mat": _matlab}
+ARRAY_READERS = {
+    ".parquet": _parquet, ".h5": _hdf5, ".hdf5": _hdf5, ".nc": _netcdf, ".mat": _matlab,
+}  # fmt: skip

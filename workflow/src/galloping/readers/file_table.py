@@ -19,7 +19,7 @@ import pandas as pd
 
 from galloping.fields import list_first
 from galloping.readers import MAX_LISTED_NAMES, FileError
-from galloping.readers.array_files import READERS, arrays_in, check_size
+from galloping.readers.array_files import ARRAY_READERS, arrays_in, check_size
 from galloping.readers.columns import DATE_PATTERN
 from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_HINT, THOUSANDS_COMMA
 from galloping.readers.text_table import read_text
@@ -202,10 +202,10 @@ def read_table(
 def _check_file(path: Path, suffix: str) -> None:
     if not path.is_file():
         raise FileError("not a file" if path.exists() else "no such file")
-    if suffix not in (*TEXT_SUFFIXES, SHEET_SUFFIX, *READERS):
+    if suffix not in (*TEXT_SUFFIXES, SHEET_SUFFIX, *ARRAY_READERS):
         raise FileError(
             f"files {suffix or 'without a suffix'} are not read; save or export it as CSV, or as "
-            f"one of {', '.join((*TEXT_SUFFIXES[1:], SHEET_SUFFIX, *READERS))}"
+            f"one of {', '.join((*TEXT_SUFFIXES[1:], SHEET_SUFFIX, *ARRAY_READERS))}"
         )
     size = path.stat().st_size
     if size == 0:

@@ -21,7 +21,7 @@ MAX_RATE_ERROR = 0.01  # share by which a nominal rate may differ from that of a
 UNDATED_YEAR = 1900  # year of times without date; dates in this year or before have no known day
 HOUR_FORMATS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
 HOUR_FORMATS += [hours.replace(".%f", ":%f") for hours in HOUR_FORMATS]
-WHOLE_SECONDS = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # among times with fractions of seconds
+WHOLE_SECONDS = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # a time among others with fractions
 ZONE_PATTERN = r":\d\d[^+\-Z]*(?:Z|[+-]\d\d(?::?\d\d)?)$"  # time zone at the end of a time
 TIME_FORMATS = [f"{day} {hour}" for day in DAY_FORMATS for hour in HOUR_FORMATS] + HOUR_FORMATS
 

@@ -30,7 +30,7 @@ PAPER_FIGURE = re.compile(r"figure(\d\d)")  # name of a figure of the paper
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 PIXELS_PER_POINT = 1.8  # scale of a figure on the page
 COLUMN_WIDTH = 260.0  # pt: wider figures fill the width of the page
-PARTS = {"paper": "The paper", "methods": "Methods", "engineering": "Line engineering"}
+PART_TITLES = {"paper": "The paper", "methods": "Methods", "engineering": "Line engineering"}
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
 
@@ -114,7 +114,7 @@ def render(page: Mapping) -> str:
 
     page: contents, by name. title. paper: comparison with the paper, as of
     `printed_numbers.section`, or None. equations: as of `side_by_side`, or None. made: by which
-    commit. parts: by name (PARTS) sentences and figures, lists of str and Item. study: its
+    commit. parts: by name (PART_TITLES) sentences and figures, lists of str and Item. study: its
     settings, in plain values. introduction: reStructuredText. tables: list of Item. recordings:
     results of field recordings, each with its name, a summary in Markdown, shown unchanged, and
     figures. versions: of Python and the libraries, by name.
@@ -125,7 +125,7 @@ def render(page: Mapping) -> str:
     )  # fmt: skip
     return environment.get_template("page.html.jinja").render(
         page=page,
-        titles=PARTS,
+        titles=PART_TITLES,
         anchors={f"table-{item.name}" for item in page["tables"]},
         introduction=as_html(page["introduction"]),
         meaning=meaning,

@@ -12,14 +12,14 @@ import pandas as pd
 from galloping.paper.claims import (
     AT_LEAST,
     AT_MOST,
-    BY_NAME,
+    CLAIMS_BY_NAME,
     HELD_VERDICTS,
     MAX_SPREAD,
     UNDECIDED,
     Claim,
     format_percent,
 )
-from galloping.paper.unknowns import LABELS, NAMES, UNKNOWNS
+from galloping.paper.unknowns import UNKNOWN_LABELS, UNKNOWN_NAMES, UNKNOWNS
 from galloping.tables.inference import MAX_AGREEMENT_RATIO
 
 STATES = {"vertical": "q_v", "horizontal": "q_w"}
@@ -77,7 +77,7 @@ def count_unfitted(paper: pd.DataFrame, region: pd.DataFrame | None, study: Mapp
     ranges = region.drop_duplicates("unknown").set_index("unknown")[["low", "high"]]
     threshold = study["identification"]["paper"]["threshold"]
     values = [reduce(getitem, u.path, line) if u.path else threshold for u in UNKNOWNS]
-    low, high = ranges.reindex(NAMES).to_numpy().T
+    low, high = ranges.reindex(UNKNOWN_NAMES).to_numpy().T
     own = np.array(values, float)
     return int(np.sum(~((own >= low) & (own <= high))))
 
@@ -107,7 +107,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
         )
     if region is not None:
         verdicts = region.drop_duplicates("unknown").set_index("unknown")["verdict"]
-        count = int((verdicts.reindex(NAMES) == "left open").sum())
+        count = int((verdicts.reindex(UNKNOWN_NAMES) == "left open").sum())
         which = "all" if count == len(UNKNOWNS) else f"{count} of the"
         if count:
             text += f" The claims determine these numbers poorly: for {which} {len(UNKNOWNS)}, the "
@@ -213,7 +213,7 @@ def by_settings(varied: pd.DataFrame) -> str:
         return ""
     worst = others.loc[others.groupby("parameter", sort=False)["sum"].idxmin()]
     examples = ", ".join(
-        f"{row['sum']} at {LABELS[row['parameter']]} {row['value']:g}"
+        f"{row['sum']} at {UNKNOWN_LABELS[row['parameter']]} {row['value']:g}"
         + (f" {row['unit']}" if row["unit"] != "1" else "")
         for row in worst.sort_values("sum").to_dict("records")
     )
@@ -226,7 +226,7 @@ def by_settings(varied: pd.DataFrame) -> str:
 
 
 def _as_cell(row: dict) -> PaperCell:
-    claim = BY_NAME.get(row["claim"])
+    claim = CLAIMS_BY_NAME.get(row["claim"])
     printed = _describe_printed(claim) if claim else "at once"
     is_judged = row["verdict"] not in ("not judged", "not run")
     ours = _describe_ours(row, claim) if is_judged else ""

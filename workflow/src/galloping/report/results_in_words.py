@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from galloping.paper.unknowns import LABELS
+from galloping.paper.unknowns import UNKNOWN_LABELS
 from galloping.recording.measurement import DEVIATION_UNIT
 from galloping.results import BOUND, MAIN_METHOD, PAPER_METHOD
 from galloping.tables.scores import CHOSEN_SETTING
@@ -86,7 +86,8 @@ def inferred(region: pd.DataFrame) -> list[str]:
     """
     determined, undecided, left_open = (
         ", ".join(
-            LABELS.get(name, name) for name in region[region["verdict"] == verdict]["unknown"]
+            UNKNOWN_LABELS.get(name, name)
+            for name in region[region["verdict"] == verdict]["unknown"]
         )
         or "nothing"
         for verdict in ("determined", "undecided", "left open")

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from galloping.reproducibility.receipts import (
     CAPTION,
+    RECEIPT_SUFFIX,
     RECEIPTS,
-    SUFFIX,
     Receipt,
     as_written,
     digest,
@@ -97,7 +97,7 @@ def _run_function(function: Callable[..., None], job) -> float:
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     # of the job's paths: not empty if they are local copies of results in a Snakemake storage
     prefix = str(job.log[0]).rpartition(f"{job.config.get(RESULTS, RESULTS)}/logs/")[0]
-    for path in (str(path) for path in job.output if not path.endswith(SUFFIX)):
+    for path in (str(path) for path in job.output if not path.endswith(RECEIPT_SUFFIX)):
         receipt = Receipt(
             path=path.removeprefix(prefix),
             rule=job.rule,

@@ -21,7 +21,7 @@ MAX_END_TIME = 5.0  # s: time in which interrupted processes must end
 
 
 # folders of the results; a test compares them with the rules
-FOLDERS = (
+RESULT_FOLDERS = (
     "assessment", "benchmarks", "bounds", "figures", "identified", "logs", "models", "oracles",
     "paper", "reconstructions", "recordings", "reproduction", "scores", "sweeps",
     "tables", "trajectories", "trials",
@@ -98,7 +98,12 @@ def check_disk(results: str) -> None:
 def check_places(results: str) -> None:
     """Raise Obstacle if a file is in the place of a folder of the study, or vice versa."""
     root = Path(results)
-    folders = (Path(".snakemake"), *reversed(root.parents), root, *map(root.joinpath, FOLDERS))
+    folders = (
+        Path(".snakemake"),
+        *reversed(root.parents),
+        root,
+        *map(root.joinpath, RESULT_FOLDERS),
+    )
     files = (Path(".snakemake", "seen.json"), root / LOCK_FILE, root / "report.html")
     wrong = [(path, "file", "folder") for path in folders if path.exists() and not path.is_dir()]
     wrong += [(path, "folder", "file") for path in files if path.is_dir()]

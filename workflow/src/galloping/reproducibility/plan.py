@@ -33,7 +33,7 @@ from snakemake_interface_executor_plugins.settings import CommonSettings
 from galloping.configuration.load import load_files, plain
 from galloping.fields import list_first
 from galloping.reproducibility.receipts import (
-    SUFFIX,
+    RECEIPT_SUFFIX,
     Receipt,
     as_written,
     is_consistent,
@@ -267,7 +267,7 @@ class Executor(AbstractExecutor):
         """Store a job in the plan, and report it to Snakemake as done."""
         if job.output:  # not the rule `all`
             settings = as_written(json.loads(job.properties())["params"])
-            outputs = tuple(str(path) for path in job.output if not path.endswith(SUFFIX))
+            outputs = tuple(str(path) for path in job.output if not path.endswith(RECEIPT_SUFFIX))
             self.jobs.append(PlannedJob(job.name, settings, tuple(map(str, job.input)), outputs))
         submitted = SubmittedJobInfo(job=job)
         self.report_job_submission(submitted)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from galloping.storage import read_json, write_json
 
-SUFFIX = ".receipt"
+RECEIPT_SUFFIX = ".receipt"
 RECEIPTS = "receipts"  # name of an output of every rule
 CAPTION = "caption"  # name of a param that only Snakemake's report uses
 # Size, times and digest of each input file, by study. The file is in Snakemake's folder, so that it
@@ -56,7 +56,7 @@ def digest(path: str | Path) -> str:
 def receipt_path(path: str | Path) -> Path:
     """Return the path of the record (receipt) of how a given file was made."""
     path = Path(path)
-    return path.with_name(f".{path.name}{SUFFIX}")
+    return path.with_name(f".{path.name}{RECEIPT_SUFFIX}")
 
 
 def as_written(settings: Mapping) -> dict:
@@ -115,8 +115,8 @@ def differs_only_in(path: str | Path, settings: Mapping, key: str) -> bool:
 
 def read_receipts(results: str | Path) -> dict[str, Receipt]:
     """Read the receipts of a results folder by path, without those of copies and other results."""
-    written = sorted(Path(results).rglob(f".*{SUFFIX}"))
-    paths = (str(path.with_name(path.name[1 : -len(SUFFIX)])) for path in written)
+    written = sorted(Path(results).rglob(f".*{RECEIPT_SUFFIX}"))
+    paths = (str(path.with_name(path.name[1 : -len(RECEIPT_SUFFIX)])) for path in written)
     return {
         path: receipt
         for path in paths

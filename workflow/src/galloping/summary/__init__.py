@@ -1,6 +1,7 @@
 """Analysis of the files of a user: summary, tables and figures."""
 
-REPORT_OUTPUTS = ("summary.md", "quality.svg", "fit.svg", "forecast.svg")  # in a study's report
+# files in the report of a study
+REPORT_OUTPUTS = ("summary.md", "quality.svg", "fit.svg", "forecast.svg")
 OUTPUTS = (  # all files that an analysis writes
     "summary.md", "summary.json", "model.json", "model.csv", "forecast.csv", "datapackage.json",
     "quality.json",

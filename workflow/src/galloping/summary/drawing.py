@@ -14,7 +14,7 @@ from galloping.behaviour.assessment import Assessment, Cycle
 from galloping.behaviour.following import Sensed
 from galloping.behaviour.forecast import Forecast
 from galloping.figures import parts
-from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
+from galloping.figures.style import BAND, MODEL_COLOR, PAPER_COLOR, SHADE, TRUE_COLOR
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.forced_motion import model_spectra
 from galloping.identification.random_forces.start import place_on_grid
@@ -34,7 +34,7 @@ ENVELOPE_POINTS = 1500  # points of an envelope, more than a figure has pixels
 SPECTRUM_SEGMENTS = 6  # segments of a recording whose spectra are averaged
 SPECTRUM_DECADES = 6  # plotted decades of a spectrum
 BAND_EDGE = "#a8741a"  # color of the edges of a band, also visible in grey
-MARK_STYLE: Mapping[str, Any] = {"color": PAPER, "lw": 0.8, "ls": ":"}
+MARK_STYLE: Mapping[str, Any] = {"color": PAPER_COLOR, "lw": 0.8, "ls": ":"}
 
 
 def draw_quality(
@@ -70,7 +70,7 @@ def draw_quality(
         title, label, time, values, gaps, dominant, fastest = row
         parts.letter(left, 2 * k, title)
         parts.letter(right, 2 * k + 1, "spectrum")
-        left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
+        left.plot(*_envelope(time, values), color=MODEL_COLOR, lw=0.5)
         for gap in gaps:
             left.axvspan(*gap, color=BAND, lw=0, label="gap")
         left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
@@ -81,12 +81,13 @@ def draw_quality(
             right.axvline(first, **MARK_STYLE, label="dominant")
             right.annotate(
                 f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
-                xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
+                xytext=(2, -2), textcoords="offset points", va="top", color=PAPER_COLOR,
+                size="x-small",
             )  # fmt: skip
         top = min(5 * fastest, frequency[-1])
         shown = frequency <= top
         if share.any():  # the power of a constant is zero, without a logarithm
-            right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
+            right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL_COLOR, lw=0.6)
         right.yaxis.set_minor_locator(NullLocator())
         right.yaxis.set_major_formatter("{x:.0e}")  # formulas for powers of ten take long
         reach = max(reach, top) if shared else top  # an input may be slower than the motion
@@ -114,7 +115,7 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
     for (_, column, k), axes in panels.items():
         time, motion = motions[column]
         _plot_samples(axes, recording.time, samples[:, k], (time[0], time[-1]))
-        axes.plot(time, motion[:, k], color=MODEL, label="model, started anew in each part")
+        axes.plot(time, motion[:, k], color=MODEL_COLOR, label="model, started anew in each part")
     parts.legend(figure)
     return figure
 
@@ -135,8 +136,10 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     figure, (row,) = parts.panels(0.5 + ROW_HEIGHT, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
         parts.letter(axes, k, meaning(name) or name)
-        axes.semilogy(frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples")
-        axes.semilogy(fine, densities[:, k], color=MODEL, label="model in random forces")
+        axes.semilogy(
+            frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE_COLOR, label="samples"
+        )
+        axes.semilogy(fine, densities[:, k], color=MODEL_COLOR, label="model in random forces")
         unit = state_unit(name).replace("^2", "²")
         unit = f"({unit})" if "/" in unit else unit
         axes.set(xlabel="frequency, Hz", ylabel=f"spectrum, {unit}²/Hz")
@@ -163,8 +166,8 @@ def draw_forecast(
             parts.letter(axes, column, what)
         _plot_samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
         is_shown = ahead.time < begin + length
-        axes.plot(ahead.time[is_shown], ahead.median[is_shown, k], color=MODEL, lw=0.6, zorder=3,
-                  label="forecast, median")  # fmt: skip
+        axes.plot(ahead.time[is_shown], ahead.median[is_shown, k], color=MODEL_COLOR, lw=0.6,
+                  zorder=3, label="forecast, median")  # fmt: skip
         low, high = ahead.low[is_shown, k], ahead.high[is_shown, k]
         parts.band(axes, ahead.time[is_shown], low, high, "90 % of samples", ec=BAND_EDGE, lw=0.4)
         axes.axvline(begin, **MARK_STYLE, label="begin of the forecast")
@@ -196,7 +199,14 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
             stable = chain[0][1].stable
             look = {"label": "stable"} if stable else {"label": "unstable", "mfc": "white"}
             axes.plot(
-                x, y, color=MODEL, lw=0.6, marker="o", ms=3, ls="-" if stable else "--", **look
+                x,
+                y,
+                color=MODEL_COLOR,
+                lw=0.6,
+                marker="o",
+                ms=3,
+                ls="-" if stable else "--",
+                **look,
             )
             parts.band(axes, x, low, high, "95 % interval", ec=BAND_EDGE, lw=0.4)
         unit = units.get(name, "")
@@ -252,7 +262,7 @@ def _make_channel_panels(
 
 def _plot_samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: Sequence[float]) -> None:
     inside = (time >= span[0]) & (time <= span[1])
-    axes.plot(time[inside], values[inside], ls="", marker=".", ms=2, color=TRUE, zorder=2,
+    axes.plot(time[inside], values[inside], ls="", marker=".", ms=2, color=TRUE_COLOR, zorder=2,
               rasterized=True, label="samples")  # fmt: skip
 
 

@@ -57,7 +57,8 @@ STATUS_SENTENCES = {
     "refused": "no model can be trusted",
     "unjudged": "the method does not assess its model",
 }
-INTERPOLATION_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}  # of inputs
+# words for the interpolation of an input, by its setting
+INTERPOLATION_WORDS = {"zero": "held", "linear": "linear", "cubic": "smooth"}
 TECHNICAL_TITLE = "## Technical part"
 PARTS_DIFFER = Code.PARTS_DIFFER, Code.FREQUENCY_CHANGES, Code.DAMPING_CHANGES
 UNIT_FINDINGS = Code.UNIT_UNLIKELY, Code.TIME_UNIT_UNLIKELY

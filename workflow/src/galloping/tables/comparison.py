@@ -19,7 +19,7 @@ from galloping.storage import read_json
 
 # Two numbers agree if their difference is within the larger of the two tolerances.
 RELATIVE_TOLERANCE = 1e-3
-ABSOLUTE_TOLERANCE = 1e-6  # in the unit of the column
+ABSOLUTE_TOLERANCE = 1e-6  # unit of the column
 
 # columns that identify a row; all others are results
 KEYS = frozenset((

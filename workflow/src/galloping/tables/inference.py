@@ -15,7 +15,7 @@ from galloping.paper.agreement import (
     effective_number,
     group_of,
 )
-from galloping.paper.unknowns import BY_NAME, FIRST_READING, NAMES, UNKNOWNS
+from galloping.paper.unknowns import FIRST_READING, READINGS_BY_NAME, UNKNOWN_NAMES, UNKNOWNS
 
 # relative evidence of a reading that is ruled out, and of a less probable one, powers of ten
 MAX_RULED_OUT, MAX_UNLIKELY = -2.0, -1.0
@@ -50,7 +50,7 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     factors = [name for name in tried.columns if _is_factor(name)]
     table = []
     expected = _posterior_means(settings[FIRST_READING.name], factors)
-    for name in BY_NAME:
+    for name in READINGS_BY_NAME:
         if name not in settings:
             continue
         own, (log_evidence, error) = settings[name], evidence[name]
@@ -59,14 +59,14 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         losses = _posterior_means(own, factors) - expected
         best = judged[judged["reading"] == name].nlargest(1, "log_likelihood").iloc[0]
         table.append({
-            "reading": name, "changes": BY_NAME[name].kind, "settings_tried": len(own),
+            "reading": name, "changes": READINGS_BY_NAME[name].kind, "settings_tried": len(own),
             "settings_proposed": int(own["proposed"].sum()),
             "effective_settings": effective_number(_normalise_weights(own["log_weight"])),
             "log10_bayes_factor": power, "standard_error": error,
             "verdict": "first" if name == FIRST_READING.name else _judge_reading(power, error),
             "worst_claims": losses.idxmin() if losses.min() < 0 else "",
             "log10_likelihood_change": losses.min() / np.log(10),
-            **{unknown: best[unknown] for unknown in NAMES},
+            **{unknown: best[unknown] for unknown in UNKNOWN_NAMES},
             "log_likelihood": best["log_likelihood"], "attack_angle": best["attack"],
             "change_percent": 100 * best["change"],
         })  # fmt: skip
@@ -122,7 +122,7 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     rows = rows.assign(setting=is_setting.cumsum())
     tried = rows[is_setting].set_index("setting")
     draws = rows[~is_setting].groupby("setting").size().reindex(tried.index)
-    table = rows[["stage", "setting", *NAMES, *(claim.name for claim in PRINTED_CLAIMS)]]
+    table = rows[["stage", "setting", *UNKNOWN_NAMES, *(claim.name for claim in PRINTED_CLAIMS)]]
     for group in (ALL_NUMBERS, *CLAIM_GROUPS):
         known = tried["log_likelihood"] if group == ALL_NUMBERS else tried[f"without_{group}"]
         logs = tried["log_weight"] - tried["log_likelihood"] + known

@@ -41,8 +41,10 @@ PAPER_COLUMNS = (
 JOINT_ROLE, BEYOND_ROLE = "joint", "beyond"  # roles of rows outside the count of single claims
 CLAIM_COLUMNS = {"median": "study_value", "printed": "paper_value"}  # names in claims.csv
 PAPER_PAIR = (PAPER_PROTOCOL, PAPER_METHOD)
-CHANGE_COLUMN, ATTACK_COLUMN = "steady_change", "attack_angle"  # of the line's own motion
-LINE_PAIR = ("exact", "two-mode model")  # for claims about the line, not protocol and method
+# columns of the line's own motion
+CHANGE_COLUMN, ATTACK_COLUMN = "steady_change", "attack_angle"
+# replaces protocol and method in claims about the line
+LINE_PAIR = ("exact", "two-mode model")
 
 
 def claims_table(

@@ -7,7 +7,7 @@ import pandas as pd
 
 from galloping.line.galerkin import EQUATIONS, Derived
 from galloping.model.intervals import MIN_IDENTIFIABLE_RATIO, median_and_interval
-from galloping.results import DISPLACEMENT_COLUMNS, NOISE, ORDERS, SUBSET
+from galloping.results import DISPLACEMENT_COLUMNS, NOISE, TERM_DEGREES, SUBSET
 
 CELL_COLUMNS = ["case", "protocol", "level"]
 R2_COLUMNS = {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS}
@@ -53,7 +53,7 @@ def exact(scores: pd.DataFrame) -> pd.Series:
 
 def mean_error(scores: pd.DataFrame) -> pd.Series:
     """Average the coefficient errors of linear, quadratic and cubic terms of each fit, in %."""
-    columns = [f"mean_error_{order}_percent" for order in ORDERS]
+    columns = [f"mean_error_{order}_percent" for order in TERM_DEGREES]
     return scores[scores.columns.intersection(columns)].mean(axis=1)
 
 
@@ -89,7 +89,7 @@ def medians(
 
 def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
     """Tabulate median coefficient errors with 90 % ranges, by setup, method, noise and order."""
-    columns = {order: f"mean_error_{order}_percent" for order in ORDERS}
+    columns = {order: f"mean_error_{order}_percent" for order in TERM_DEGREES}
     columns = {order: name for order, name in columns.items() if name in scores}
     keys = ["case", "protocol", "method", "level"]
     return medians(of_kind(scores, NOISE), keys, columns, "order", "mean_error_percent")

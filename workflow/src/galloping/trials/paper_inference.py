@@ -36,11 +36,11 @@ from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import DRAWS_PER_SUBSET, MAX_STATE_SUM, QuickStudy
 from galloping.paper.unknowns import (
     BOTH_LINES,
-    BY_NAME,
     FIRST_READING,
     LOG_HIGH,
     LOG_LOW,
-    NAMES,
+    READINGS_BY_NAME,
+    UNKNOWN_NAMES,
     UNKNOWNS,
     Reading,
 )
@@ -63,7 +63,7 @@ FIRST_CLIMB_STEP = 0.1  # initial step in the logarithms of the unknowns
 SUMMIT_DRAWS = 400  # realisations of the setting at the maximum
 TAIL_FREEDOM = 5.0  # degrees of freedom of the proposals' t distribution
 COVARIANCE_FACTOR = 1.3  # covariance of a proposal over that of the settings
-MIN_EFFECTIVE_SETTINGS = 15.0  # with fewer, weights are tempered before a proposal is fitted
+MIN_EFFECTIVE_SETTINGS = 15.0  # limit below which weights are tempered before a fit
 FIRST_ROUND = {  # ranges of the first proposals, ratios: see above
     "damping_vertical": (0.2, 1.0),
     "threshold": (1e-2, 1.0),
@@ -148,16 +148,16 @@ def trial(
     """Infer by importance sampling the parameters the paper does not state; yield the samples.
 
     There is a row for each setting of the last round of one reading of the paper, and rows for its
-    draws. seed: of the random numbers. case: name of the reading in `unknowns.BY_NAME`. replicates:
-    independent runs. pilot_rounds, pilot_draws, settings, draws, climb: as the constants of these
-    names. For the first reading alone the most probable setting is optimised, since it is that of
-    the default study. Yields stage `tried`: a setting with log_likelihood, those without each group
-    of claims, and by factor; log_weight: of prior times likelihood over proposal and number of
-    proposed settings, so that the weights of a run add up to its evidence. Stage `draw`: a draw at
-    that setting, with the value of each claim. Stage `judged`: one of the most probable settings
-    with its likelihood from fresh draws.
+    draws. seed: of the random numbers. case: name of the reading in `READINGS_BY_NAME`. replicates:
+    independent runs. pilot_rounds, pilot_draws: as the constants of these names. settings, draws:
+    FINAL_SETTINGS, FINAL_DRAWS. climb: CLIMB_SETTINGS. For the first reading alone the most
+    probable setting is optimised, since it is that of the default study. Yields stage `tried`: a
+    setting with log_likelihood, those without each group of claims, and by factor; log_weight: of
+    prior times likelihood over proposal and number of proposed settings, so that the weights of a
+    run add up to its evidence. Stage `draw`: a draw at that setting, with the value of each claim.
+    Stage `judged`: one of the most probable settings with its likelihood from fresh draws.
     """
-    reading = BY_NAME[case]
+    reading = READINGS_BY_NAME[case]
     for replicate in replicates:
         rng = make_generator(seed, "inference", case, replicate)
         proposal = _learn_proposal(reading, pilot_rounds, pilot_draws, rng)
@@ -214,7 +214,7 @@ def _judge_setting(
     reading: Reading, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> dict[str, float]:
     """Compute the likelihood of a setting from fresh draws."""
-    setting = {name: values[name] for name in NAMES}
+    setting = {name: values[name] for name in UNKNOWN_NAMES}
     found = estimate(reading, setting, draws, rng)
     if found is None:
         raise ValueError("the conditions of the reading exclude the setting")
@@ -234,18 +234,20 @@ def _climb_likelihood(
     def miss(point: np.ndarray) -> float:
         if np.any((point < LOG_LOW) | (point > LOG_HIGH)):
             return np.inf
-        values = dict(zip(NAMES, np.exp(point), strict=True))
+        values = dict(zip(UNKNOWN_NAMES, np.exp(point), strict=True))
         smallest = _smallest_coefficient(_line_coefficients(reading, values))
         if reading.has_threshold_in_units and values["threshold"] > smallest:
             return np.inf
         found = estimate(reading, values, CLIMB_DRAWS, np.random.default_rng(seed))
         return np.inf if found is None else -found["log_likelihood"]
 
-    first = np.log([start[name] for name in NAMES])
-    simplex = first + np.vstack([np.zeros(len(NAMES)), FIRST_CLIMB_STEP * np.eye(len(NAMES))])
+    first = np.log([start[name] for name in UNKNOWN_NAMES])
+    simplex = first + np.vstack(
+        [np.zeros(len(UNKNOWN_NAMES)), FIRST_CLIMB_STEP * np.eye(len(UNKNOWN_NAMES))]
+    )
     options = {"initial_simplex": simplex, "maxfev": settings, "adaptive": True}
     end = minimize(miss, first, method="Nelder-Mead", options=options)
-    return dict(zip(NAMES, np.exp(end.x), strict=True))
+    return dict(zip(UNKNOWN_NAMES, np.exp(end.x), strict=True))
 
 
 def _line_coefficients(reading: Reading, values: Mapping[str, float]) -> list[dict[str, float]]:
@@ -282,9 +284,9 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
     gallop or whose cycle exceeds the largest attack angle, and thresholds above the smallest
     coefficient of both lines, which would be lost without noise.
     """
-    ratios = dict(zip(NAMES, np.exp(point), strict=True))
+    ratios = dict(zip(UNKNOWN_NAMES, np.exp(point), strict=True))
     values = ratios | {"damping_vertical": 0.0, "initial_vertical": 1.0, "initial_horizontal": 1.0}
-    if not _is_in_range(values, [name for name in NAMES if name not in FIRST_ROUND]):
+    if not _is_in_range(values, [name for name in UNKNOWN_NAMES if name not in FIRST_ROUND]):
         return None
     undamped = coefficients(_case_at(reading, values, agreement.CASE))
     critical = -undamped["gamma_1"] / (2 * np.sqrt(undamped["gamma_2"]))
@@ -311,7 +313,7 @@ def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:
         return None
     for name, each in zip(("initial_vertical", "initial_horizontal"), amplitude, strict=True):
         values[name] = ratios[name] * each
-    return values if _is_in_range(values, NAMES) else None
+    return values if _is_in_range(values, UNKNOWN_NAMES) else None
 
 
 def _is_in_range(values: Mapping[str, float], names: Sequence[str]) -> bool:
