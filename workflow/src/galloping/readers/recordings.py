@@ -56,8 +56,8 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
 
     Neither the motion nor the clock is known over such a gap. A part also ends where an input is
     unknown, or where a sensor is silent for long while others are not. Parts with fewer than
-    MIN_SAMPLES samples or shorter than MIN_PART_PERIODS are left out, unless no part is longer and the
-    inputs are known throughout. Raises ValueError if no part is left.
+    MIN_SAMPLES samples or shorter than MIN_PART_PERIODS are left out, unless no part is longer and
+    the inputs are known throughout. Raises ValueError if no part is left.
     """
     measured = np.any(np.isfinite(recording.values), axis=1)
     if recording.rates is not None:

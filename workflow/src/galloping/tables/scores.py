@@ -7,7 +7,7 @@ import pandas as pd
 
 from galloping.line.galerkin import EQUATIONS, Derived
 from galloping.model.intervals import MIN_IDENTIFIABLE_RATIO, median_and_interval
-from galloping.results import DISPLACEMENT_COLUMNS, NOISE, TERM_DEGREES, SUBSET
+from galloping.results import DISPLACEMENT_COLUMNS, NOISE, SUBSET, TERM_DEGREES
 
 CELL_COLUMNS = ["case", "protocol", "level"]
 R2_COLUMNS = {state: f"r2_{state}" for state in DISPLACEMENT_COLUMNS}
