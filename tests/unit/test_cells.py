@@ -120,14 +120,15 @@ def test_from_a_line_to_recordings_without_snakemake(script, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("wind", "duration", "status", "n_frames"), [(3, 4, "ok", 41), (100, 30, "diverged", 1)]
+    ("wind", "scale", "duration", "status", "n_frames"),
+    [(3, 1.0, 4, "ok", 41), (100, 1.0, 30, "diverged", 1), (3, 0.0, 4, "ok", 1)],
 )
-def test_any_line_has_an_animation(script, tmp_path, wind, duration, status, n_frames):
+def test_any_line_has_an_animation(script, tmp_path, wind, scale, duration, status, n_frames):
     case = edited(CASES["internal_resonance"], wind__speed=wind)
     names = ("models/a.json", "trajectories/a.npz", "figures/a.gif")
     model, trajectory, animation = (tmp_path / name for name in names)
     script("derive_model")(case, model)
-    release = case["initial_state"]
+    release = {name: scale * value for name, value in case["initial_state"].items()}
     script("simulate_line")(model, trajectory, [release], duration, sampling_rate=50)
     assert files.read(trajectory)[0].status.startswith(status)
     script("animate_line")(animation, "a", trajectory, case, window=[2, duration])

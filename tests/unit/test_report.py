@@ -88,6 +88,8 @@ def test_equations_stand_side_by_side_with_their_errors_and_false_terms():
         ["−2", "−1.9", "−2.00 ± 0.01"], ["0.5", "not found", "0.5 ± 0.1"]
     ]  # fmt: skip
     assert of["false_terms"] == [1, 0]
+    unknown = side_by_side(EQUATIONS.replace({0.0123: np.inf}), {})["vertical"]["rows"]
+    assert unknown[0][3] == "−2.001 ± ∞"
     alike = EQUATIONS.assign(protocol=EQUATIONS["method"], method="ours")
     heads = side_by_side(alike, {})["vertical"]["heads"]
     assert heads == ["ours, noise 0.05, paper", "ours, noise 0.05, ours"]

@@ -205,6 +205,7 @@ def test_the_first_screen_counts_and_lists_them():
         .all()
     )
     assert report.describe_counts(table).startswith(f"{held.sum()} of {len(held)} statements")
+    assert report.describe_counts(table[~table["role"].eq("counted")]).startswith("No statement")
     rows = report.build_table(table)
     assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == [
         "0.83 %", "1.03 %"]  # fmt: skip

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from math import floor, log10
+from math import floor, isinf, log10
 
 import pandas as pd
 from markupsafe import Markup
@@ -52,7 +52,9 @@ def _format_coefficient(rows: pd.DataFrame) -> str:
         return "not found"
     value, error = rows[["identified", "standard_error"]].iloc[0]
     text = f"{value:.4g}"
-    if error > 0:
+    if isinf(error):
+        text += " ± ∞"
+    elif error > 0:
         digits = max(0, -floor(log10(error)))
         text = f"{value:.{digits}f} ± {error:.{digits}f}"
     return text.replace("-", "\N{MINUS SIGN}")

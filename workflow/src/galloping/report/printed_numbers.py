@@ -142,7 +142,9 @@ def describe_counts(paper: pd.DataFrame) -> str:
         for verdicts in (HELD_VERDICTS, (*HELD_VERDICTS, UNDECIDED))
     )
     statements, may_hold = held[~lacks], may_hold[~lacks]
-    text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced."
+    text = "No statement of the paper is judged."
+    if len(statements):
+        text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced."
     if lacks.any():
         text += f" {lacks.sum()} further statements need recordings that this study does not have."
     first = next(iter(paper["case"]), "")

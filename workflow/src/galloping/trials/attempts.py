@@ -210,7 +210,7 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
     counted = {
         "spurious_terms": present & ~terms,
         "missing_above_limit": terms & ~present & is_large,
-        "beyond_4_standard_errors": present & (distance > MAX_COEFFICIENT_DISTANCE * errors),
+        "beyond_4_standard_errors": present & ~(distance <= MAX_COEFFICIENT_DISTANCE * errors),
         "beyond_4_standard_errors_given_terms": present
         & (distance > MAX_COEFFICIENT_DISTANCE * conditional),
         "terms": terms,
