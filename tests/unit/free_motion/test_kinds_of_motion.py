@@ -46,6 +46,7 @@ def test_a_further_mode_is_told_beside_the_model(derivative, share):
     assert_decays(found, within=0.005)
     (mode,) = found.further_modes
     assert mode.frequency / (2.0 * np.pi) == pytest.approx(13.7, abs=0.02)
+    assert str(found).splitlines()[-2:] == ["not in the equations: the mode at 13.7 Hz", "ok"]
     assert abs(mode.growth + 0.002 * mode.frequency) < 4.0 * mode.growth_error
 
 

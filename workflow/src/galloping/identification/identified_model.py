@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import Immutable, as_increasing, checked_state
 from galloping.identification.observations import STATUSES, Code, Finding, status_of
 from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
-from galloping.identification.sentences import reason_of
+from galloping.identification.sentences import join_words, reason_of
 from galloping.model.functions import from_plain, n_exponents, term_to_plain
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import Bound, Exponents, PolynomialModel, merge_inputs
@@ -264,7 +264,10 @@ class IdentifiedModel(Immutable):
     def __str__(self) -> str:
         if self.status == "refused":
             return self.verdict
-        return "\n".join([*self.equations(), self.verdict])
+        lines = list(self.equations())
+        if names := dict.fromkeys(mode.name for mode in self.further_modes):
+            lines.append(f"not in the equations: {join_words(names)}")
+        return "\n".join([*lines, self.verdict])
 
     def simulate(
         self,

@@ -46,6 +46,12 @@ def explain(
     return [pair for pair in distinct if pair[0] != least] or distinct
 
 
+def join_words(parts: Iterable[str]) -> str:
+    """Join texts to a list in words, such as `a, b and c`."""
+    *first, last = parts
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def _fill_template(template: str, side: int, values: Mapping[str, object]) -> str:
     """Fill in a template. side: which of the two phrases in <> is used."""
     text = re.sub("<(.*?)>", lambda match: f"{match[1]}|".split("|")[side], template)

@@ -6,7 +6,7 @@ import numpy as np
 
 from galloping.identification.observations import Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
-from galloping.identification.sentences import explain
+from galloping.identification.sentences import explain, join_words
 from galloping.model.intervals import NORMAL_95
 from galloping.readers.units import meaning, plain_unit
 
@@ -29,7 +29,7 @@ def write_sentences(
     if names:
         them = "them" if len(names) > 1 else "it"
         yield (
-            f"The recording also contains {' and '.join(names)}. The equations do not include "
+            f"The recording also contains {join_words(names)}. The equations do not include "
             f"{them}; the table does."
         )
 

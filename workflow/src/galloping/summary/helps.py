@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code, Finding
-from galloping.identification.sentences import explain
+from galloping.identification.sentences import explain, join_words
 from galloping.inspection.quality import make_finding
 from galloping.readers.units import is_same_quantity, is_span
 
@@ -114,9 +114,3 @@ def may_be_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
     return is_span(found.model.states) and all(
         is_same_quantity(units.get(name, "m/s"), "m/s") for name in found.model.inputs
     )
-
-
-def join_words(parts: Iterable[str]) -> str:
-    """Join texts to a list in words, such as `a, b and c`."""
-    *most, last = parts
-    return f"{', '.join(most)} and {last}" if most else last

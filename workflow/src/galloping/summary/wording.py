@@ -13,12 +13,12 @@ from jinja2 import Environment, StrictUndefined, Template
 from galloping.behaviour.dynamics import EXTRAPOLATION_RATIO, MIN_DAMPING_RATIO, Value
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.observations import Code
+from galloping.identification.sentences import join_words
 from galloping.inspection.noticed import envelope_rows, write_sentences
 from galloping.readers.units import is_span, meaning, plain_unit
 from galloping.recording.samples import Recording
 from galloping.summary.helps import (
     input_units,
-    join_words,
     list_advice,
     may_be_wind,
     meanings_and_advice,
