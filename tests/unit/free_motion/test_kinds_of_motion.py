@@ -207,6 +207,17 @@ def test_the_approach_of_a_limit_cycle_is_no_force_and_its_transient(begin, seed
     assert motion is None or not (motion.is_linear or motion.steady_modes)
 
 
+@pytest.mark.parametrize(("count", "begin", "seed"), [(700, 1.2, 5501), (500, 1.0, 5507)])
+def test_damping_that_depends_on_the_amplitude_is_no_event(count, begin, seed):
+    time, rng = 0.1 * np.arange(count), np.random.default_rng(seed)
+    states = moved(
+        lambda _, x: [x[1], -4.0 * x[0] + 0.1 * x[1] * (1.0 - x[0] ** 2)], (begin, 0.0), time
+    )
+    noise = 0.2 * states.std(axis=0) * rng.standard_normal(states.shape)
+    found = maximum_likelihood(sensed(time, (states + noise)[:, 0]), LIBRARY)
+    assert Code.KNOCKED not in codes(found) and Code.FORCE_STEPPED not in codes(found)
+
+
 def test_two_coordinates_are_told_without_their_further_mode():
     time, states = np.arange(3000) / 50.0, ("a", "b", "da", "db")
     first, second = swing(time, 1.0, 0.01), swing(time, 1.4, 0.02)

@@ -138,9 +138,23 @@ def _find_linear_events(
                 linearity.has_linear_modes(*fit)
                 and not linearity.may_be_single(*fit)
                 and not linearity.has_changing_force(events.stretches, events.origins, events.modes)
+                and not _is_explained_by_amplitude(stretches, start, events)
             ):
                 return events
     return None
+
+
+def _is_explained_by_amplitude(
+    stretches: list[Stretch], modes: DampedModes, events: MotionBetweenEvents
+) -> bool:
+    """Decide whether a nonlinear main mode explains the motion as well as events do.
+
+    modes: fitted without events, the main one first.
+    """
+    gains, freedom = linearity.amplitude_gains(stretches, modes, 0)
+    samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
+    misfit = modes.misfit - gains.max() + freedom * np.log(samples)
+    return misfit <= _penalised_misfit(stretches, events)
 
 
 def _classify_modes(

@@ -159,10 +159,19 @@ def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
 
 
 def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
-    """Decide whether damping or frequency of a mode depends on its amplitude.
+    """Decide whether damping or frequency of a mode depends on its amplitude."""
+    gains, freedom = amplitude_gains(stretches, modes, main)
+    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_MODE_RATE / len(gains)))
 
-    The residual then contains exponentials of the same frequency and other decays: twice or three
-    times as fast, by quadratic and cubic terms, or none, by dry friction.
+
+def amplitude_gains(
+    stretches: Sequence[Stretch], modes: DampedModes, main: int
+) -> tuple[np.ndarray, int]:
+    """Compute how far chi^2 falls if damping and frequency of a mode depend on its amplitude.
+
+    The residual then contains exponentials of the same frequency and other decays: none by dry
+    friction, twice or three times as fast by quadratic or cubic terms. Returns the fall by each of
+    the three, and its degrees of freedom.
     """
     pole, gains, freedom = modes.poles[main], np.zeros(3), 0
     for index, stretch in enumerate(stretches):
@@ -186,7 +195,7 @@ def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main
                 if np.abs(np.diag(triangle)).min() < 1e-6 * np.linalg.norm(wave):
                     continue
                 gains[n] += np.sum((basis.T @ residuals) ** 2) / modes.noise[index, c] ** 2
-    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_MODE_RATE / len(gains)))
+    return gains, freedom
 
 
 def refit_main_oscillation(
