@@ -111,7 +111,7 @@ def as_increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Convert two or more finite, strictly increasing times to floats; else raise ValueError."""
     array = as_floats(name, values, (None,))
     is_good = np.isfinite(array)
-    is_good[1:] &= ~(np.diff(array) <= 0.0)
+    is_good[1:] &= ~(array[1:] <= array[:-1])
     if len(array) < 2 or not is_good.all():
         where = ""
         if not is_good.all():

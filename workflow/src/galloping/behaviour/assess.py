@@ -48,7 +48,7 @@ from galloping.readers.units import is_span
 # Lengths are in sizes of the motion.
 DISTURBANCE = 1e-2  # displacement from an equilibrium at the start of a simulation
 SEARCH_RADIUS = 2.5  # distance from the middle of the motion within which equilibria are sought
-MIN_DISTANCE = 1e-2  # smallest distance between different equilibria or limit cycles
+MIN_DISTANCE = 1e-2  # smallest distance between equilibria; of limit cycles, in sizes of these
 MAX_STARTS = 256  # number of initial guesses of an equilibrium, at most
 MIN_SIZE_RATIO = 1e-3  # smallest size of a coordinate, relative to the largest one
 MAX_CYCLE_SIZE = 10.0  # largest size of a limit cycle that is computed

@@ -20,7 +20,7 @@ from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_dra
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
-MIN_CYCLE_SHARE = 0.9  # share of the drawn models with a limit cycle; fewer are a biased sample
+MIN_DRAW_SHARE = 0.9  # smallest share of the drawn models from which an interval is made
 DIFFERENCE_STEP = 1e-2  # step of a coefficient in finite differences, in standard errors
 EXTRAPOLATION_RATIO = 1.2  # size of an extrapolated limit cycle, relative to the recorded motion
 EQUILIBRIUM_TOLERANCE = 1e-9  # error of an equilibrium, in sizes of the motion
@@ -177,7 +177,7 @@ def dynamics(
         return _compute_free_dynamics(identified, pairs, around)
     models = draw_models_and_rivals(identified, rng)
     small = add_higher_degree_effects(models, identified, rng)
-    fewest = MIN_CYCLE_SHARE * len(models)
+    fewest = MIN_DRAW_SHARE * len(models)
     best = _linear_properties(model, pairs, around)
     ends = interval_of_draws([_linear_properties(each, pairs, around) for each in small], fewest)
     names = [model.states[i] for i in pairs]
@@ -357,7 +357,7 @@ def _linear_properties(
 
 
 def match_modes(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Match states and modes one to one, so that each mode is named after the state that moves.
+    """Match states and modes one to one, so that states move most in the modes they name.
 
     shares: (n_states, n_modes), how much each state moves in a mode, relative to the motion.
     Returns the indices of the states, and those of their modes.

@@ -20,7 +20,7 @@ from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
 from galloping.trajectory.simulation import Simulator, rates_along
 
-MAX_ITERATIONS = 4  # Gauss-Newton steps of the fit of an initial state, at most
+MAX_ITERATIONS = 4  # Gauss-Newton steps in each stage of the fit of an initial state, at most
 MAX_REFINEMENTS = 2  # Gauss-Newton steps from a close guess of the initial state, at most
 CHI2_TOLERANCE = 1e-4  # smallest expected decrease of chi^2 for which another step follows
 STAGE_SHARES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # shares of the samples that are fitted in turn

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
-from galloping.behaviour.following import MIN_SLOPE_SAMPLES, Following, Sensed, without_outliers
+from galloping.behaviour.following import Following, Sensed, without_outliers
 from galloping.identification.drawn_models import draw_models
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
@@ -26,10 +26,11 @@ FORECAST_DRAWS = 100
 MAX_MISFIT = 1.3  # largest chi^2 per sample of a model that follows the recording
 WINDOW_SHARES = (1.0, 0.5, 0.25)  # shares of the window, tried in turn if motions soon diverge
 MIN_FOLLOWING_SHARE = 0.9  # smallest share of the draws that follow the recording
+MIN_WINDOW_SAMPLES = 5  # smallest mean number of samples of a channel in a checked window
 # Earlier forecasts, which show the errors of an approximate model.
-N_ORIGINS = 8  # number of earlier forecasts
+N_ORIGINS = 8  # number of earlier forecasts, and of windows by which a model is checked
 PARTS_PER_WINDOW = 4  # number of parts of a window over which errors are averaged
-HORIZON_WINDOWS = 5  # duration of an earlier forecast, in windows
+HORIZON_WINDOWS = 5  # duration of an earlier forecast, and of the checked end, in windows
 WIDENING_PREFIX = "forecast_widened_"  # prefix of the diagnostic of a channel's factor
 NO_FORECAST_REASON = "that of what was held out of its recordings was worse than their mean"
 COVERAGE_QUANTILE = 0.01  # probability that a correct band contains a smaller share of the samples
@@ -268,7 +269,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     """Raise ValueError if a model does not fit the end of a recording within the noise.
 
     The message is one line. The initial states of the model are fitted to N_ORIGINS windows of
-    `window` s, within the last 5 times that length. An approximate model may err as much as on the
+    `window` s, within the last HORIZON_WINDOWS times that length. An approximate model may err as much as on the
     recordings from which it was identified.
     """
     recording = without_outliers(recording)
@@ -284,7 +285,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     for begin in np.linspace(max(time[-1] - HORIZON_WINDOWS * window, time[0]), last, N_ORIGINS):
         rows = slice(*first_from(time, (begin, begin + window)))
         values = follow.samples[rows]
-        if np.isfinite(values[:, sigma > 0]).sum() < MIN_SLOPE_SAMPLES * len(sigma):
+        if np.isfinite(values[:, sigma > 0]).sum() < MIN_WINDOW_SAMPLES * len(sigma):
             continue
         start = follow.fit_start(rows)
         motion = None if start is None else follow.motion(identified.model, start, time[rows])

@@ -34,7 +34,7 @@ CORRECTION_TOLERANCE = 1e-4  # last correction, in steps: the error is about its
 # Shares of a change of model at which limit cycles are followed: at once, or in steps.
 CHANGE_SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
 MIN_INTERVAL_DRAWS = MODEL_DRAWS / 2  # smallest number of drawn models of which an interval is made
-MAX_CYCLE_SIZE = 5.0  # largest size of an orbit, in sizes of the recorded motion
+MAX_CYCLE_SIZE = 5.0  # largest size of an orbit, in sizes of that at the recorded wind speed
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from galloping.line.measures import clearance, design_ellipses, envelope
 from galloping.trajectory.simulation import Simulator
 
 SIMULATION = "simulation"
-# Duration near a bifurcation, where amplitudes after 4,000 s err by a third of 1 %.
+# Simulation near a bifurcation, where amplitudes after 4,000 s err by a third of 1 %.
 LONG_WATCH = SPAN_WATCH.during(16000.0)
 MAX_CYCLE_SIZE = 2.0  # largest size of an orbit, in sags: the equations describe no larger one
 

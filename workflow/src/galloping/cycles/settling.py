@@ -114,12 +114,11 @@ def estimate_missing_sizes(
 ) -> np.ndarray:
     """Estimate the unknown amplitudes of states from known amplitudes and frequencies.
 
-    The amplitude of a velocity is that of its displacement times the frequency of small motions;
-    other amplitudes are equal to the largest of their kind, displacements or velocities. sizes:
-    (n_states,)
-    zero where unknown. model: without inputs. state: (n_states,) centre of the small motions.
-    rates: (n_states,) sizes of the rates of the states, zero where unknown. Returns (n_states,),
-    none of which is zero.
+    The amplitude of a rate is that of its state times the lowest frequency of small motions, and
+    conversely. If neither is known, an amplitude is equal to the largest of its kind, displacements
+    or velocities, or 1. sizes: (n_states,) zero where unknown. model: without inputs. state:
+    (n_states,) centre of the small motions. rates: (n_states,) sizes of the rates of the states,
+    zero where unknown. Returns (n_states,), none of which is zero.
     """
     omega, pairs = 2.0 * np.pi / Pace.of(model, state).slow, velocity_pairs(model.states)
     sizes = np.where(sizes > 0.0, sizes, rates / omega)

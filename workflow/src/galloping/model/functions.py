@@ -41,7 +41,7 @@ FUNCTIONS = {
     "inverse": Kind(np.reciprocal, (-1.0, ("inverse", "inverse")), "1/({})", r"\frac{{1}}{{{}}}"),
 }
 KINKED_FUNCTIONS = ("abs", "sign")  # not differentiable where the argument is zero
-MAX_EXPONENT = 700.0  # largest argument of exp whose value is finite
+MAX_EXP_ARGUMENT = 700.0  # limit of a constant in the argument of exp, which overflows at 709.8
 
 
 class Function(NamedTuple):
@@ -127,7 +127,7 @@ def make_function(
         unit = -1.0
         factor = -1.0 if name == "sin" else 1.0
     elif name == "exp":
-        factor, offset = exp(offset) if offset < MAX_EXPONENT else np.inf, 0.0
+        factor, offset = exp(offset) if offset < MAX_EXP_ARGUMENT else np.inf, 0.0
     if not 0.0 < abs(factor) < np.inf:
         raise ValueError(said)
     # adding zero removes the sign of a negative zero

@@ -61,9 +61,9 @@ def interval_of_draws(
     return np.stack([np.min(values, axis=0), np.max(values, axis=0)]) + 0.0  # no negative zero
 
 
-# Errors of the decay rate estimated from a recording of duration T.
-DECAY_BIAS = 2.0  # bias, times T
-DECAY_VARIANCE = 2.0  # variance of a rate without decay, times T^2
+# Corrections in `decay_interval`, for which the interval has its coverage. T: duration recorded.
+DECAY_SHIFT = 2.0  # shift of the estimate, times T; its bias is 1 to the leading order
+DECAY_VARIANCE = 2.0  # added to the variance a/T, times T^2
 
 
 def decay_interval(decay: float, error: float, duration: float) -> tuple[float, float]:
@@ -75,11 +75,11 @@ def decay_interval(decay: float, error: float, duration: float) -> tuple[float, 
     leading order, the variance a/T and the bias 1/T, and is skewed; if a T is small, an interval of
     the estimate plus or minus two of its standard errors misses more below than above. The interval
     of E. B. Wilson (J. Am. Stat. Assoc. 22, 1927) for this variance contains all a for which the
-    estimate, less DECAY_BIAS/T, is within 1.96 times the root of (a/T + DECAY_VARIANCE/T^2).
+    estimate, less DECAY_SHIFT/T, is within 1.96 times the root of (a/T + DECAY_VARIANCE/T^2).
     Measured on 6,000 motions each of a T from 1 to 80: it misses 2 to 4 % on either side. Variance
     of the estimate beyond a/T, by noise or nonlinear damping, is added unchanged.
     """
-    floor, middle = DECAY_VARIANCE / duration**2, decay - DECAY_BIAS / duration
+    floor, middle = DECAY_VARIANCE / duration**2, decay - DECAY_SHIFT / duration
     if decay <= 0.0:
         half = NORMAL_95 * np.sqrt(error**2 + floor)
         return decay - half, decay + half

@@ -141,7 +141,7 @@ def _split_last_factor(term: Exponents, n_states: int) -> tuple[int | Function, 
 
 
 def _list_needed(term: Exponents, n_states: int) -> Iterator[Exponents]:
-    """Yield a monomial without its last factor, and functions in derivatives of its functions."""
+    """Yield a monomial without its last factor, its functions, and those in their derivatives."""
     if any(term):
         yield _split_last_factor(term, n_states)[1]
     exponents = [factor for factor in term if not isinstance(factor, Function)]
