@@ -21,7 +21,7 @@ from galloping.line.galerkin import make_model as equations_of
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "results" / "reference"
 BLOCK = re.compile(r"(<!-- made from results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
-EVERY_TERM = "every t > 9"  # of `tables.trial_summaries`
+SURE_CASE = "every t > 9"  # of `tables.trial_summaries.trust`
 OURS, FREE_DECAY = "maximum_likelihood", "free decay with a second mode"
 
 # Titles of columns, then rows of cells.
@@ -44,7 +44,7 @@ def claims() -> Table:
     found = table_of("trust/trust")
     group = found.groupby("group")
     lines = group.get_group("random lines").set_index("case")
-    every, sure = lines.loc["all"], lines.loc[EVERY_TERM]
+    every, sure = lines.loc["all"], lines.loc[SURE_CASE]
     known = group.get_group("default line")
     faults = group.get_group("sensor faults").set_index("case").drop("none")
     steady = group.get_group("long and steady").set_index("case")

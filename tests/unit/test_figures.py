@@ -19,8 +19,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.line.galerkin import derive
 from galloping.model.intervals import median_and_interval
 from galloping.model.polynomial import PolynomialModel, polynomial_library
-from galloping.recording.measurement import PROTOCOLS_BY_NAME
-from galloping.recording.measurement import Motion
+from galloping.recording.measurement import PROTOCOLS_BY_NAME, Motion
 from galloping.results import Reconstruction
 
 LINE = derive(RESONANT)
@@ -28,8 +27,8 @@ NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_met
 CELL = {"case": "line", "protocol": "state", "method": "weak"}
 
 
-NOISE = {**NAMES, "kind": "noise", "x": "level", "labels": dict.fromkeys(PROTOCOLS_BY_NAME, "noise"),
-         "quantities": ["coefficients"]}  # fmt: skip
+NOISE = {**NAMES, "kind": "noise", "x": "level", "quantities": ["coefficients"],
+         "labels": dict.fromkeys(PROTOCOLS_BY_NAME, "noise")}  # fmt: skip
 AMOUNT = {**NOISE, "kind": "points", "x": "points"}
 COLUMNS = [column for quantity in errors.QUANTITIES.values() for column in quantity.columns]
 

@@ -59,7 +59,7 @@ def plan(*paths, settings=SETTINGS, **inputs):
     return Plan({"results": RESULTS}, tuple(jobs))
 
 
-def as_planned(study):
+def current_files(study):
     return sorted(repair.find_current(study, read_receipts(RESULTS)))
 
 
@@ -233,14 +233,14 @@ def test_nothing_made_from_another_input_is_as_planned(folder):
     names = ("tables/t.csv", "scores/s.csv", "models/a.json", "tables/u.csv")
     given = {"t": ["scores/s.csv"], "s": ["models/a.json"], "a": ["published.csv"]}
     study = plan(*names, **given)
-    assert as_planned(study) == [model, score, table, alone]
+    assert current_files(study) == [model, score, table, alone]
     make("models/a.json", "2\n", ["published.csv"])  # its content is another
-    assert as_planned(study) == [model, alone]
+    assert current_files(study) == [model, alone]
     make("models/a.json", "1\n", ["published.csv"], OTHER)  # its settings are
-    assert as_planned(study) == [alone]
+    assert current_files(study) == [alone]
     make("models/a.json", inputs=["published.csv"])
     source.write_text("2\n")  # what it was made from is, which no job makes
-    assert as_planned(study) == [alone] and audit(study).outdated == (model,)
+    assert current_files(study) == [alone] and audit(study).outdated == (model,)
 
 
 @pytest.mark.parametrize("settings", [SETTINGS, OTHER], ids=["same", "other"])
@@ -255,7 +255,7 @@ def test_a_file_left_elsewhere_stands_for_its_job_if_made_as_planned(adopted, se
     checked = audit(study)
     assert (checked.elsewhere if same else checked.outdated) == (model,)
     assert checked.sound == (table,)
-    assert as_planned(study) == ([model, table] if same else [])
+    assert current_files(study) == ([model, table] if same else [])
     adopted(study)
     assert Path(table).exists() == same
 

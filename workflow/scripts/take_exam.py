@@ -21,10 +21,6 @@ from galloping.study.cells import Study, Trial
 from galloping.study.files import read_table
 from galloping.tables import exam
 
-MEASURES = (  # columns of `exam.sum_up_strata`, and the measures of their differences
-    "exact_support", "ok", "ok_and_wrong", "refused", "coverage", "fault_diagnosed", "work",
-)  # fmt: skip
-
 
 def main(*arguments: str) -> int:
     """Identify a fixed set of recordings, compare with earlier results, return the exit code."""
@@ -85,10 +81,10 @@ def format_table(strata: pd.DataFrame, compared: pd.DataFrame) -> Iterator[str]:
     shifts = {
         (row["stratum"], row["method"], row["measure"]): row for row in compared.to_dict("records")
     }
-    rows = [["stratum", "answers", *(name.replace("_", " ") for name in MEASURES), "seconds"]]
+    rows = [["stratum", "answers", *(name.replace("_", " ") for name in exam.MEASURES), "seconds"]]
     for row in strata.to_dict("records"):
         cells = [row["stratum"], str(row["fits"])]
-        for column in MEASURES:
+        for column in exam.MEASURES:
             shift = shifts.get((row["stratum"], row["method"], column))
             cells.append(_format_cell(column, row[column], shift))
         rows.append([*cells, f"{row['seconds']:.0f}"])

@@ -62,7 +62,7 @@ def long_ago_settled() -> Known:
 
 
 def velocity_alone(rate: dict[str, float]) -> Known:
-    """Of a motion whose middle is not its position of rest: its spring is softer on one side."""
+    """Of a motion whose middle is not its equilibrium: its spring is softer on one side."""
     true = model(("x", "dx"), 3, {"dx": 1.0}, rate)
     recording = noisy(true, simulate(true, (0.3, 0.0), TIME).states, TIME, 0.03, 0)
     velocity = np.where([False, True], recording.values, np.nan)

@@ -68,7 +68,7 @@ def test_quick_motions_are_those_of_the_simulator(moved):
         medians = [np.median(table[column]) for table in (quick, exact)]
         np.testing.assert_allclose(*medians, rtol=0.6, atol=0.02)
     unmoved = QuickStudy(*moved, amounts).draw_scores(
-        method, 1, np.random.default_rng(1), unmoved_levels=(0.03,)
+        method, 1, np.random.default_rng(1), unsimulated_levels=(0.03,)
     )
     assert np.isnan(unmoved.loc[unmoved["points"] > 10000, "r2_q_v"]).all()
 
@@ -78,7 +78,7 @@ def draw_values(values, count, rng):
     motion, line = draws.line_motion(FIRST_READING.case_at(values, RESONANT), 300, 100)
     study = QuickStudy(motion, line, paper_inference.AMOUNTS)
     method = FIRST_READING.method_at(values)
-    scores = study.draw_scores(method, count, rng, unmoved_levels=agreement.UNSIMULATED_LEVELS)
+    scores = study.draw_scores(method, count, rng, unsimulated_levels=agreement.UNSIMULATED_LEVELS)
     return agreement.scores_by_claim(scores)
 
 

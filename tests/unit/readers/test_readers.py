@@ -11,7 +11,7 @@ from galloping.readers.columns import (
     measured_quantity,
     quantity_by_name_alone,
 )
-from galloping.readers.file_table import printable
+from galloping.readers.file_table import printable, read_table
 from galloping.readers.hints import likely_time_unit, likely_unit
 from galloping.readers.series import unwrap_angle
 from galloping.readers.units import UnitError, factor, input_si, is_unit, split_header
@@ -180,3 +180,19 @@ def test_a_name_has_one_line_that_prints():
 def test_times_have_names_in_several_languages(header: str) -> None:
     assert is_time(header) and not is_beside_motion(header)
     assert not is_time("Temperatur") and is_beside_motion("Temperature [degC]")
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "unit"),
+    [
+        ("Name t v w\nUnits: s mm mm", "{} 0.5 0.1 0.2", "mm"),
+        ("# units: s mm mm\nt v w", "0.{:02} 0.1 0.2", "mm"),
+        ("t;v", "{};\N{MINUS SIGN}9,81", ""),
+    ],
+)
+def test_labels_of_units_and_minus_signs_are_read_in_any_layout(tmp_path, header, row, unit):
+    path = tmp_path / "a.txt"
+    rows = "\n".join(row.format(k + 5) for k in range(10))
+    path.write_text(f"{header}\n{rows}\n", encoding="utf-8")
+    table = read_table(path)
+    assert table.unit("v") == unit and len(table.numbers("v")) == 10

@@ -16,7 +16,7 @@ MAX_FORECAST_ROWS = 1_000_000  # largest number of rows of a forecast
 # thousands of objects and hardly any garbage, and more searches cost `identify` a few percent.
 GARBAGE_THRESHOLD = 100_000
 EXIT_REFUSED = 3  # exit code if the recordings give no model
-MAX_NUMBER = 1e100  # largest number in an option: products of two are finite
+MAX_NUMBER = 1e100  # numbers in options are smaller: products of two are finite
 
 
 class _PositiveNumber(click.FloatRange):
@@ -25,7 +25,7 @@ class _PositiveNumber(click.FloatRange):
     def convert(self, value, param, ctx):
         number = super().convert(value, param, ctx)
         if not number < MAX_NUMBER:
-            self.fail(f"{value}; must be above 0 and below {MAX_NUMBER:g}", param, ctx)
+            self.fail(f"{value}; must be above 0 and below {self.max or MAX_NUMBER:g}", param, ctx)
         return number
 
 
@@ -55,7 +55,7 @@ def _mapping_options(command):
                 "--time", "time_column", help="Column of the times; by default found by its name."
             ),
             click.option(
-                "--rate", type=click.FloatRange(0, 1e9, min_open=True),
+                "--rate", type=_PositiveNumber(0, 1e9, min_open=True),
                 help="Samples per second, Hz, of a file without times. Each row is a sample, or "
                 "--time names a column with the numbers of the samples.",
             ),

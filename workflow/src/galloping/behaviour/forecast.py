@@ -269,8 +269,8 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     """Raise ValueError if a model does not fit the end of a recording within the noise.
 
     The message is one line. The initial states of the model are fitted to N_ORIGINS windows of
-    `window` s, within the last HORIZON_WINDOWS times that length. An approximate model may err as much as on the
-    recordings from which it was identified.
+    `window` s, within the last HORIZON_WINDOWS times that length. An approximate model may err
+    as much as on the recordings from which it was identified.
     """
     recording = without_outliers(recording)
     if identified.is_forced:

@@ -14,7 +14,7 @@ from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ConfigurationError, read, refuse_endless
 from galloping.fields import Section, show
 
-# texts by pydantic's type of error; all other values are reported as "is not allowed"
+# texts by pydantic's type of error, where "is not allowed" would say too little
 FAULTS = {
     "float_type": "is not a number",
     "int_type": "is not a whole number",

@@ -129,8 +129,9 @@ class CaseSection(
         if sag <= MAX_SAG_RATIO * span:
             return ""
         return (
-            f"{show(tension)} gives a sag of {sag:.4g} m in a span of {show(span)} m, which is no "
-            f"shallow cable; must be >= {weight * span / (8 * MAX_SAG_RATIO):.4g} N, or the span "
+            f"a tension of {show(tension)} N gives a sag of {sag:.4g} m in a span of {show(span)} "
+            "m, which is no shallow cable; the tension must be >= "
+            f"{weight * span / (8 * MAX_SAG_RATIO):.4g} N, or the span "
             f"<= {8 * MAX_SAG_RATIO * tension / weight:.4g} m"
         )
 

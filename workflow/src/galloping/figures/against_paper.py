@@ -12,9 +12,9 @@ from galloping.paper.claims import CLAIMS_BY_NAME
 from galloping.paper.unknowns import UNKNOWN_LABELS
 from galloping.results import PAPER_METHOD
 
-METHOD_COLOR = style.method_style(PAPER_METHOD).color  # color of its realisations
+METHOD_COLOR = style.method_style(PAPER_METHOD).color  # colour of its realisations
 MIN_EXPONENT = -12.0  # smallest plotted power of ten; less probable readings are plotted here
-AXIS_EXPONENT = -6.0  # power of ten at the left end of the axis, if no reading is below
+AXIS_EXPONENT = -6.0  # largest power of ten at the left end of the axis
 RANGE_STYLE = {"color": style.LIGHT_GREY, "height": 0.55}
 
 

@@ -36,7 +36,7 @@ MEASURE_LABELS = {
 ANIMATION_SIZE = (7.2, 3.2)  # inches
 DPI = 110  # px/inch
 FRAME_RATE = 10  # frames per second
-PALETTE_SIZE = 24  # colors of an animation
+PALETTE_SIZE = 24  # colours of an animation
 
 
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:

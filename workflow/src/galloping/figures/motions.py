@@ -133,7 +133,7 @@ STATES = {"v": "q_v", "w": "q_w"}
 AMPLITUDES = {"v": "vertical_amplitude", "w": "horizontal_amplitude"}  # stems of columns, m
 # velocity over wind speed, an attack angle of 20 degrees: limit of the load for small angles
 MAX_VELOCITY_RATIO = 0.35
-MAX_MAP_AMPLITUDE = 6.0  # m: upper end of the color scale of the map, about a sag
+MAX_MAP_AMPLITUDE = 6.0  # m: upper end of the colour scale of the map, about a sag
 MARKS = {
     "Hopf": "o",
     "fold of cycles": "D",

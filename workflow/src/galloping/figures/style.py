@@ -20,15 +20,15 @@ from galloping.storage import replacing
 
 SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.2  # inches: widths of one and two columns of a paper
 
-TRUE_COLOR = "#9a9a9a"  # color of the true motion, a broad line below the reconstructed motion
-MODEL_COLOR = "#11115a"  # color of identified models
+TRUE_COLOR = "#9a9a9a"  # colour of the true motion, a broad line below the reconstructed motion
+MODEL_COLOR = "#11115a"  # colour of identified models
 BAND = "#f2c46d"
-PAPER_COLOR = "#b30000"  # color of numbers printed in the paper
-SHADE = "#ececec"  # color of shaded areas
-LIGHT_GREY = "#e4e4e4"  # color of lines between rows
-DARK_GREY = "#5f5f5f"  # color of side notes
+PAPER_COLOR = "#b30000"  # colour of numbers printed in the paper
+SHADE = "#ececec"  # colour of shaded areas
+LIGHT_GREY = "#e4e4e4"  # colour of lines between rows
+DARK_GREY = "#5f5f5f"  # colour of side notes
 
-# colors and markers of series that are not methods, such as noise levels
+# colours and markers of series that are not methods, such as noise levels
 SERIES = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P"), ("#8a1c3b", "X"))
 
 STATE_LABELS = {"q_v": "$q_v$", "q_w": "$q_w$"}

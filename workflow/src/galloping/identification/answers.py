@@ -73,8 +73,8 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
 def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """Add a finding to a model for each coefficient that contradicts its prior or bounds.
 
-    A coefficient does so if recordings alone would put it farther than MAX_PRIOR_DEVIATION from its
-    prior, or out of its bounds: then the prior is wrong, or the model is.
+    A coefficient does so if recordings alone would put it more than MAX_PRIOR_DEVIATION standard
+    deviations from its prior, or out of its bounds: then the prior is wrong, or the model is.
 
     The estimate is the mean of both, weighted by their precisions. Its distance from the prior mean
     has the variance of the prior, less the variance of the estimate.

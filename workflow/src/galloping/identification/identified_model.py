@@ -91,7 +91,7 @@ class IdentifiedModel(Immutable):
     further_modes : tuple of FurtherMode
         Modes of the recordings for which the model has no coordinate.
     envelope : tuple of EnvelopePart
-        Frequency and damping for each amplitude, of a free motion whose decay is not exponential.
+        Frequency and damping for each amplitude, of a free motion that is not exponential.
     forces : (n_states, n_states) array
         Covariance per second of white forces, dx = f(x) dt + dW; zero without random forces.
     slow_forces : (n_states, n_states) array
@@ -265,7 +265,8 @@ class IdentifiedModel(Immutable):
         if self.status == "refused":
             return self.verdict
         lines = list(self.equations())
-        if names := dict.fromkeys(mode.name for mode in self.further_modes):
+        modes = [mode for mode in self.further_modes if not mode.is_steady]
+        if names := dict.fromkeys(mode.name for mode in modes):
             lines.append(f"not in the equations: {join_words(names)}")
         return "\n".join([*lines, self.verdict])
 

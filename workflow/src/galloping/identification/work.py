@@ -41,7 +41,7 @@ class Work:
         """Remaining work in seconds of computing; negative if the limit was exceeded."""
         return self.most - self.spent
 
-    def downgrade_if_ended(self, identified: IdentifiedModel) -> IdentifiedModel:
+    def downgrade_if_cut_short(self, identified: IdentifiedModel) -> IdentifiedModel:
         """Add a finding to a model if the work limit ended its search, so that it is not `ok`."""
         if not self.is_cut_short or identified.has_finding(Code.LIMIT_OF_WORK):
             return identified

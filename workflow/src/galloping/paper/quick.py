@@ -50,12 +50,12 @@ class QuickStudy:
         method: MethodReading,
         count: int,
         rng: np.random.Generator,
-        unmoved_levels: Sequence[float] = (),
+        unsimulated_levels: Sequence[float] = (),
     ) -> pd.DataFrame:
         """Score the paper's method in random noise realisations, one row of a table for each.
 
-        count: number of realisations for each sort of recording. unmoved_levels: noise levels of
-        whole records whose models are not simulated, the slowest step.
+        count: number of realisations for each sort of recording. unsimulated_levels: noise levels
+        of whole records whose models are not simulated, the slowest step.
         """
         noise, scale = NOISES_BY_READING[method.protocol]
         noisy = noise(self.motion, self.terms, channel_scale(self.motion, method.relative)[scale])
@@ -76,11 +76,11 @@ class QuickStudy:
         columns["replicate"] = np.tile(range(count), len(cells))
         columns.update(self._coefficient_scores(found))
         is_whole = columns["points"] >= len(self.motion.time)
-        moved = ~(is_whole & np.isin(columns["level"], unmoved_levels))
+        is_simulated = ~(is_whole & np.isin(columns["level"], unsimulated_levels))
         table = pd.DataFrame(columns)
         # all models at once: those with as many terms move together
-        scored = self._motion_scores(found[moved])
-        return table.join(pd.DataFrame(scored, index=table.index[moved]))
+        scored = self._motion_scores(found[is_simulated])
+        return table.join(pd.DataFrame(scored, index=table.index[is_simulated]))
 
     @cached_property
     def terms(self) -> tuple[Exponents, ...]:

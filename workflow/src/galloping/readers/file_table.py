@@ -21,7 +21,7 @@ from galloping.fields import list_first
 from galloping.readers import MAX_LISTED_NAMES, FileError
 from galloping.readers.array_files import ARRAY_READERS, arrays_in, check_size
 from galloping.readers.columns import DATE_PATTERN
-from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_HINT, THOUSANDS_COMMA
+from galloping.readers.layout import DECIMAL_COMMA, DECIMAL_HINT, MINUS, THOUSANDS_COMMA
 from galloping.readers.text_table import read_text
 from galloping.readers.units import EMPTY_MAPPING, UnitError, is_scaled, split_header
 
@@ -170,9 +170,9 @@ def read_table(
 
     The suffix of the file gives its format: .csv .txt .tsv .dat .asc .lvm .xlsx .parquet .h5 .hdf5
     .nc .mat. decimal: the decimal mark of text tables. time: the column of times, by which
-    their header differs from lines above it. If these are None, the rows determine them. rows: most
-    rows of a text table that are read. The `unit` of fields in a `datapackage.json` beside a file
-    (Frictionless Data) counts as the file's own. Raises FileError.
+    their header differs from lines above it. If these are None, the rows determine them. rows:
+    largest number of rows of a text table to read, None for all. The `unit` of fields in a
+    `datapackage.json` beside a file (Frictionless Data) counts as the file's own. Raises FileError.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -258,8 +258,9 @@ def _read_sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]
     def as_text(cell: object) -> object:
         if isinstance(cell, str):
             cell = printable(cell)
-            if decimal == "," and DECIMAL_COMMA.fullmatch(cell):
-                return cell.replace(",", ".")
+            number = cell.replace(MINUS, "-")
+            if decimal == "," and DECIMAL_COMMA.fullmatch(number):
+                return number.replace(",", ".")
         return cell.isoformat() if hasattr(cell, "isoformat") else cell
 
     try:

@@ -122,8 +122,12 @@ def split_cells(row: str, separator: str | None) -> list[str]:
 
 
 def _split_row(row: str, separator: str | None, columns: int) -> list[str]:
-    """Split a row, if possible to one cell per column: behind a comment sign, or at wide blanks."""
-    if prefix := UNITS_PREFIX.match(row):
+    """Split a row, if possible to one cell per column.
+
+    Cells are behind a comment sign or a label of units, or between wide blanks.
+    """
+    prefix = UNITS_PREFIX.match(row)
+    if prefix and (separator is not None or len(split_cells(row, None)) != columns):
         row = row[prefix.end() :]
     bare = row.lstrip("".join(COMMENT_MARKS))
     ways = [split_cells(bare, separator), split_cells(row.lstrip("#"), separator)]
@@ -185,7 +189,7 @@ def _find_separator(
 
 def _find_decimal(cells: Iterable[str]) -> str:
     """Find the decimal mark: a comma if some cells can mean nothing else, and none a point."""
-    cells = list(cells)
+    cells = [cell.replace(MINUS, "-") for cell in cells]
     commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
     is_decimal = not all(map(THOUSANDS_COMMA.fullmatch, commas))
     return "," if is_decimal and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."

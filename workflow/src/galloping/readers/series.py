@@ -50,8 +50,8 @@ MIN_STUCK_RATIO = 20  # length of a run of one value of a stuck sensor over near
 JOINT_REST_SHARE = 0.9
 MAX_REST_SPEED = 0.35  # speed over the usual speed of a motion that comes to rest or begins
 CORRELATION_MARGIN = 1e-9  # largest 1 - correlation of two copies of a channel
-# rows in a block that two recordings do not share by chance, and distinct values of each of its
-# columns below which they may
+# rows in a block that two recordings do not share by chance, and most distinct values of each of
+# its columns with which they may
 BLOCK_ROWS, MAX_CHANCE_VALUES = 20, 5
 MAX_WRAP_RATIO = 4.0  # step of an angle over the end of a turn, over its largest other step
 FULL_TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # full turns by unit of an angle
@@ -96,6 +96,11 @@ class Series:
         return f"columns that are not used: {names}; {more}" if names else ""
 
 
+def _is_for_model(mapping: ColumnMapping) -> bool:
+    """Decide whether a file contains nothing but the inputs of a model, by their names."""
+    return not mapping.channels and all(one.column == one.name for one in mapping.inputs)
+
+
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     """Read a file to channels in SI units; raise FileError if the file is unusable.
 
@@ -109,7 +114,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         except FileError as error:
             if split_header(each.column)[0] in table.columns:
                 raise
-            hint = COLUMN_HINTS[type(each)] if mapping.channels else HINT_FOR_MODEL
+            hint = HINT_FOR_MODEL if _is_for_model(mapping) else COLUMN_HINTS[type(each)]
             raise FileError(f"{error}; {hint}") from None
     instants = None
     if mapping.time and mapping.rate is None:
@@ -368,9 +373,10 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
     if bare:
         names, several = ", ".join(repr(name) for name, _ in bare), len(bare) > 1
         options = f"add {unit_options(bare)} if that is right (unit: in a mapping), or "
+        options = "" if _is_for_model(mapping) else options
         raise FileError(
             f"{table.path}: column{'s' * several} {names} {'have' if several else 'has'} no unit; "
-            f"{options if mapping.channels else ''}write the unit behind the column's name, in []"
+            f"{options}write the unit behind the column's name, in []"
         )
 
 

@@ -128,8 +128,8 @@ def _count_times(table: FileTable, mapping: ColumnMapping, rate: float) -> np.nd
 def _check_rate(table: FileTable, rate: float) -> None:
     """Raise FileError if a column of times with a unit shows another rate than the given one.
 
-    Times of a coarse clock are not: several samples have the same one. Where times are rounded,
-    their mean step is right, and where samples are missing, their median step is.
+    Times of a coarse clock, in which several samples have the same time, are not compared. Where
+    times are rounded, their mean step is right; where samples are missing, their median step is.
     """
     for name in filter(is_time, table.columns):
         try:

@@ -146,7 +146,8 @@ def describe_counts(paper: pd.DataFrame) -> str:
     if len(statements):
         text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced."
     if lacks.any():
-        text += f" {lacks.sum()} further statements need recordings that this study does not have."
+        further = "further " if len(statements) else ""
+        text += f" {lacks.sum()} {further}statements need recordings that this study does not have."
     first = next(iter(paper["case"]), "")
     for what, which in (("Not reproduced", ~may_hold), ("Undecided", may_hold & ~statements)):
         named = [

@@ -190,7 +190,7 @@ def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_u
     if MAIN_METHOD not in worst.index:
         return ""
     own = worst.loc[MAIN_METHOD]
-    own = own[np.isfinite(own).cummin()]  # up to the first level where most fits have no model
+    own = own[np.isfinite(own).cummin()]  # levels below the first at which most fits have no model
     if own.empty:
         return ""
     text = (

@@ -56,7 +56,7 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise Obstacle(_describe_holder(mark.read())) from None
-        if mark.read() and not repairing:  # read again: another run may have ended just now
+        if mark.read() and not repairing:  # read with the lock: another run may have ended just now
             raise Obstacle(format_killed_message(repair))
         mark.truncate(0)
         mark.write(str(os.getpid()))

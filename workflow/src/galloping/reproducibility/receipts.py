@@ -19,8 +19,8 @@ from galloping.storage import read_json, write_json
 RECEIPT_SUFFIX = ".receipt"
 RECEIPTS = "receipts"  # name of an output of every rule
 CAPTION = "caption"  # name of a param that only Snakemake's report uses
-# Size, times and digest of each input file, by study. The file is in Snakemake's folder, so that it
-# is deleted together with Snakemake's records.
+# Size, times, inode and digest of each result file, by study. The file is in Snakemake's folder, so
+# that it is deleted together with Snakemake's records.
 DIGEST_FILE = Path(".snakemake/seen.json")
 
 

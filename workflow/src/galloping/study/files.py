@@ -73,8 +73,8 @@ def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
 
 def write_model(path: str | os.PathLike, derived: Derived) -> None:
     """Write the equations and derived quantities of an overhead line to JSON, without rounding."""
-    line = derived.model
-    model = {"states": line.states, "terms": line.terms, "coefficients": line.coefficients.tolist()}
+    true = derived.model
+    model = {"states": true.states, "terms": true.terms, "coefficients": true.coefficients.tolist()}
     content = {**derived.quantities, "coefficients": dict(derived.coefficients), "model": model}
     write_json(path, content)
 

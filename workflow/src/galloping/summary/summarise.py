@@ -60,9 +60,11 @@ METHODS: Mapping[str, Callable[..., IdentifiedModel]] = {
     "maximum_likelihood": maximum_likelihood,
     "weak_gls": weak_gls,
 }
-# limits of the end of a recording that is held out to test the forecast: share, periods, samples
-HELD_OUT_SHARE, MAX_HELD_OUT_PERIODS, MAX_HELD_OUT_SAMPLES = 0.1, 30, 5000
-START_PERIODS = 6  # periods of the motion that determine the initial state of a forecast
+# end of a recording that is held out to test the forecast: largest share, and periods
+HELD_OUT_SHARE, MAX_HELD_OUT_PERIODS = 0.1, 30
+MAX_FORECAST_SAMPLES = 5000  # samples of a forecast
+# periods of the motion that determine the initial state of a forecast; length of a scored stretch
+START_PERIODS = 6
 MOTION_POINTS = 600  # points of a plotted motion
 
 
@@ -388,7 +390,7 @@ def _check_period(period: float) -> float:
 
 def _make_times_after(recording: Recording, length: float) -> NDArray[np.float64]:
     """Make times, s, of samples after a recording, at its own step, for `length` s."""
-    step = max(recording.step, length / MAX_HELD_OUT_SAMPLES)
+    step = max(recording.step, length / MAX_FORECAST_SAMPLES)
     return recording.time[-1] + step * np.arange(1, round_up(length / step))
 
 
@@ -410,7 +412,7 @@ def hold_out(
     samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
         raise StillError(f"no motion in the last {length:.3g} s, which were to be forecast")
-    shown = slice(cut, None, 1 + (len(last.time) - cut) // MAX_HELD_OUT_SAMPLES)
+    shown = slice(cut, None, 1 + (len(last.time) - cut) // MAX_FORECAST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(
         identified, last[:cut], last.time[shown], START_PERIODS * period, rng

@@ -196,15 +196,15 @@ def _template(name: str) -> Template:
         "escape": escape_markdown,
         "extent": extent_in_words,
         "growth": _growth,
-        "listed": join_words,
+        "join_words": join_words,
         "meaning": meaning,
-        "missed": _describe_errors,
+        "errors": _describe_errors,
         "name": _name,
         "range_digits": lambda values, least=3: _range_digits(
             values["lowest"], values["highest"], least
         ),
         "relative_error": lambda error, advice: relative_error_text(error, advice.coefficient),
-        "said": _quantity_text,
+        "quantity": _quantity_text,
         "sentence": lambda text: text[:1].upper() + text[1:],
         "short": lambda number, unit="": f"{number:.3g} {unit}".rstrip(),
         "shown_damping": _damping_cells,

@@ -20,7 +20,7 @@ from galloping.recording.measurement import Motion, noises_of, recordings_of
 from galloping.recording.samples import Recording
 from galloping.trajectory.simulation import rates_along
 
-MAX_COEFFICIENT_DISTANCE = 4.0  # distance from the truth, above which a coefficient is wrong, SE
+MAX_COEFFICIENT_DISTANCE = 4.0  # largest distance from the truth, in standard errors
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
     counted = {
         "spurious_terms": present & ~terms,
         "missing_above_limit": terms & ~present & is_large,
-        "beyond_4_standard_errors": present & ~(distance <= MAX_COEFFICIENT_DISTANCE * errors),
+        "beyond_4_standard_errors": present & (distance > MAX_COEFFICIENT_DISTANCE * errors),
         "beyond_4_standard_errors_given_terms": present
         & (distance > MAX_COEFFICIENT_DISTANCE * conditional),
         "terms": terms,

@@ -55,7 +55,7 @@ MIN_AMPLITUDE = 0.02  # m: amplitude of a line that gallops
 PILOT_ROUNDS = (40, 30, 30)  # settings of each pilot round
 PILOT_DRAWS = 8  # realisations of each of these settings
 FINAL_SETTINGS, FINAL_DRAWS = 48, 32  # settings of the last round, and realisations of each
-UNIFORM_SHARE = 0.1  # share of uniform proposals, as in the first round, in the last round
+UNIFORM_SHARE = 0.1  # share of uniform proposals in every round after the first
 N_REFINED = 2  # most likely settings, which are judged again by new realisations
 CLIMB_SETTINGS = 80  # settings tried in the maximisation from the most likely one
 CLIMB_DRAWS = 48  # realisations of each of these settings, all with the same random numbers
@@ -63,7 +63,7 @@ FIRST_CLIMB_STEP = 0.1  # initial step in the logarithms of the unknowns
 SUMMIT_DRAWS = 400  # realisations of the setting at the maximum
 TAIL_FREEDOM = 5.0  # degrees of freedom of the proposals' t distribution
 COVARIANCE_FACTOR = 1.3  # covariance of a proposal over that of the settings
-MIN_EFFECTIVE_SETTINGS = 15.0  # limit below which weights are tempered before a fit
+MIN_UNTEMPERED_SETTINGS = 15.0  # limit below which weights are tempered before a fit
 FIRST_ROUND = {  # ranges of the first proposals, ratios: see above
     "damping_vertical": (0.2, 1.0),
     "threshold": (1e-2, 1.0),
@@ -121,7 +121,7 @@ class Proposal:
         Weights are tempered if few settings count.
         """
         power, weights = 1.0, _normalise_weights(log_weights)
-        while agreement.effective_number(weights) < min(MIN_EFFECTIVE_SETTINGS, len(points) / 2):
+        while agreement.effective_number(weights) < min(MIN_UNTEMPERED_SETTINGS, len(points) / 2):
             power *= 0.8
             weights = _normalise_weights(power * log_weights)
         centre = weights @ points
@@ -348,7 +348,7 @@ def estimate(
     steady = agreement.log_steadiness(np.array(changes)) if reading.steady else 0.0
     method = reading.method_at(values)
     study = QuickStudy(motion, line, AMOUNTS)
-    scores = study.draw_scores(method, draws, rng, unmoved_levels=agreement.UNSIMULATED_LEVELS)
+    scores = study.draw_scores(method, draws, rng, unsimulated_levels=agreement.UNSIMULATED_LEVELS)
     claims = agreement.scores_by_claim(scores)
     factors = agreement.log_likelihoods(claims)
     log_likelihood = sum(factors.values()) + steady

@@ -195,7 +195,7 @@ def _noise_excess(motion: FreeMotion) -> float:
 def _identify_mean_model(
     problem: Problem, motion: FreeMotion, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
-    """Identify the mean linear model of a decay that no model follows, for given reasons."""
+    """Identify the mean linear model of a motion that no model follows, for given reasons."""
     modes, place, names = motion.modes, motion.own_modes[0], motion.channels.names
     parts: list[EnvelopePart] = []
     for index, stretch in enumerate(motion.stretches):
@@ -347,7 +347,8 @@ def _estimate_equilibrium(motion: FreeMotion, coordinate: int) -> tuple[float, f
         return 0.0, 0.0
     channel = motion.channels.values.index(coordinate)
     stepped = any(each.code == Code.FORCE_STEPPED for each in motion.findings)
-    stretches = slice(0, 1) if stepped else slice(None)
+    first = int(np.argmax(np.isfinite(motion.modes.offset_errors[:, channel])))
+    stretches = slice(first, first + 1) if stepped else slice(None)
     offsets = motion.modes.offsets[stretches, channel]
     errors = motion.modes.offset_errors[stretches, channel]
     if not np.isfinite(errors).any():  # too few samples in every stretch

@@ -212,14 +212,17 @@ def _with_samples(recording: Recording, stretch: Stretch, channels: Channels) ->
 def without_further_modes(motion: FreeMotion) -> list[Recording]:
     """Subtract the modes in excess of one per coordinate from recordings of free motion.
 
-    Displacements of the equilibrium by steps of a force after the first recording are removed too.
+    Displacements of the equilibrium by steps of a force are removed too, with respect to the first
+    recording in which a channel has an offset.
     """
-    remaining = []
+    remaining, offsets = [], motion.modes.offsets
+    first = np.argmax(np.isfinite(offsets), axis=0)
+    origin = np.take_along_axis(offsets, first[np.newaxis], axis=0)[0]
     pairs = zip(motion.recordings, motion.stretches, strict=True)
     for index, (recording, stretch) in enumerate(pairs):
         removed = motion.modes.evaluate(motion.further_modes, index, stretch.time)
         if any(each.code == Code.FORCE_STEPPED for each in motion.findings):
-            removed = removed + np.nan_to_num(motion.modes.offsets[index] - motion.modes.offsets[0])
+            removed = removed + np.nan_to_num(offsets[index] - origin)
         rest = replace(stretch, values=stretch.values - removed)
         remaining.append(_with_samples(recording, rest, motion.channels))
     return remaining

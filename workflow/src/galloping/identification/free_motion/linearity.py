@@ -123,8 +123,9 @@ def has_changing_force(
         covariances = (modes.amplitude_covariance(s, n, [k]) for n, s in enumerate(stretches))
         variances = np.array([np.diag(each)[2:].reshape(2, -1).sum(axis=0) for each in covariances])
         limits = MIN_SIGNIFICANCE * np.sqrt(variances[1:] + variances[:-1])
-        is_same = np.diff(origins) == 0
-        if np.any(np.abs(np.diff(sizes, axis=0))[is_same] > limits[is_same]):
+        is_fitted = np.isfinite(modes.noise)
+        are_compared = is_fitted[1:] & is_fitted[:-1] & (np.diff(origins) == 0)[:, np.newaxis]
+        if np.any((np.abs(np.diff(sizes, axis=0)) > limits) & are_compared):
             return True
     return False
 

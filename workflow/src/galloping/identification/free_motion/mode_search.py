@@ -86,7 +86,7 @@ def strongest_mode(
             time = stretch.time[known] / longest
             series.append(_windowed_powers(time, column[known], place[known], size, parts))
             spans.append((stretch.duration, place[-1] + 1))
-            # above half the rate of its own samples a channel has mirror spectra
+            # above half the rate of its own samples a channel has mirror images
             channel_step = np.median(np.diff(stretch.time[known]))
             mirrored = omega * channel_step > np.pi * MAX_FREQUENCY
             for image, stride in zip(series[-1], strides, strict=True):

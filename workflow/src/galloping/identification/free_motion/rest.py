@@ -24,7 +24,7 @@ from galloping.recording.samples import Recording
 # Largest variation of a stretch at rest, relative to the motion that follows. Motion that grows at
 # 3 % of critical damping is 0.8 times as large one period before.
 MAX_REST = 0.2
-MAX_OSCILLATING_REST = 0.05  # largest variation of a stretch at rest that oscillates, relative
+MAX_OSCILLATING_REST = 0.05  # the same for a stretch that itself oscillates
 MIN_WINDOW = 8  # least samples of a window in which the size of a motion is computed
 WINDOW_PERIODS = (1.0, 0.25)  # lengths of the windows before and after a release, in periods
 MIN_PAUSE = 2.0  # least length of a rest between two motions, in periods

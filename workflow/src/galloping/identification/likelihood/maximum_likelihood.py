@@ -144,7 +144,7 @@ def maximum_likelihood(
         moving = moving_recordings(used, problem.terms)
         start = None if moving.findings else start
         with limit_work(used) as work:
-            identified = work.downgrade_if_ended(_search_model(problem, moving, start))
+            identified = work.downgrade_if_cut_short(_search_model(problem, moving, start))
         identified = explain_single_state(with_findings(identified, moving), used)
     identified = add_input_errors(check_prior_conflict(problem, identified), recordings, used)
     return add_alias_rivals(problem, identified)

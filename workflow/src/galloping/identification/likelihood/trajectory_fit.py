@@ -310,8 +310,9 @@ def take_step(
     """Take a Gauss-Newton step from a fit or, if the fit is bad, from nearer to the one before it.
 
     A fit is bad if it diverges, or if it is not close and its chi^2 is 1.5 times that of the fit
-    before it or more. The other arguments are as in `_gauss_newton`. Raises FloatingPointError if
-    all are bad, or the work is exhausted.
+    before it or more. A fit nearer to `before` is compared with that of one pass earlier. The other
+    arguments are as in `_gauss_newton`. Raises FloatingPointError if all are bad, or the work is
+    exhausted.
     """
     passing("follow the recording in segments")
     if is_exhausted():

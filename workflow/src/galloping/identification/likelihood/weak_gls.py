@@ -1,4 +1,4 @@
-"""Identification by the weak form alone, a fast method from which the others start."""
+"""Identification by the weak form alone, a fast method; `maximum_likelihood` starts from it."""
 
 from collections.abc import Sequence
 

@@ -72,7 +72,7 @@ def fit_random_forces(
         if isinstance(outcome, NoModel):
             return outcome
         return add_input_errors(
-            check_prior_conflict(problem, work.downgrade_if_ended(outcome)), given, recordings
+            check_prior_conflict(problem, work.downgrade_if_cut_short(outcome)), given, recordings
         )
 
     outcome = attempt(search)
@@ -192,7 +192,7 @@ def identify_if_ambient(problem: Problem, recordings: list[Recording]) -> Identi
         with limit_work(recordings) as work:
             cleaned, _, period = prepare_recordings(recordings)
             identified, is_sure = try_random_forces(problem, cleaned, period)
-            return work.downgrade_if_ended(identified) if identified and is_sure else None
+            return work.downgrade_if_cut_short(identified) if identified and is_sure else None
 
     outcome = attempt(search)
     return None if isinstance(outcome, NoModel) else outcome

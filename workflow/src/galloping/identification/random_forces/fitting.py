@@ -32,8 +32,8 @@ FIRST_STEP = 1e-5  # first step of finite differences, in the unit of a paramete
 # Later step of finite differences, in standard errors of a parameter. Within one standard error the
 # likelihood is nearly quadratic; a thousandth of it is far above rounding.
 STEP = 1e-3
-# Least expected rise of the log-likelihood with which the iteration continues. The step has a
-# squared length below 0.02 in standard deviations, and increases errors by less than a hundredth.
+# Least expected rise of the log-likelihood with which the iteration continues. A step with less has
+# a squared length below 0.02 in standard deviations, and increases errors by less than a hundredth.
 LIKELIHOOD_TOLERANCE = 1e-2
 MAX_STEPS = 40  # most steps of a fit
 MAX_STEP_TRIALS = 12  # most trials of a step, each shorter than the one before

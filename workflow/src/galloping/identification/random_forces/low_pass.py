@@ -124,7 +124,7 @@ def _filter_channel(
 
 
 def _root_raised_cosine(x: np.ndarray) -> np.ndarray:
-    """Evaluate the filter at given_time in steps, with its limits at three singular points."""
+    """Evaluate the filter at times in steps, with its limits at three singular points."""
     x = np.where((x == 0.0) | (np.abs(4.0 * ROLL_OFF * x) == 1.0), x + 1e-6, x)
     edge = 4.0 * ROLL_OFF * x
     numerator = np.sin(np.pi * x * (1.0 - ROLL_OFF)) + edge * np.cos(np.pi * x * (1.0 + ROLL_OFF))

@@ -137,8 +137,9 @@ def modes_from_correlations(
 class ExtraModes:
     """Modes for which the model has no coordinate, which act on it as oscillating forces.
 
-    oscillators: (n_resonances, 2), rad/s and damping ratio. onto: (n_resonances, n_forced)
-    what each adds to the equations with a force; hosts: (n_resonances,) those in which this is one.
+    oscillators: (n_resonances, 2), frequency, rad/s, and damping ratio. onto: (n_resonances,
+    n_forced) what each adds to the equations with a force; hosts: (n_resonances,) those in which
+    this is one.
     """
 
     oscillators: np.ndarray

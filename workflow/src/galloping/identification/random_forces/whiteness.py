@@ -14,9 +14,9 @@ MAX_LAG_PERIODS = 3.0  # longest tested lag, in slowest periods
 MAX_LAGS = 100  # longest tested lag, in steps
 BINS_PER_GROUP = 16  # number of bins of a spectrum in a group, which is as broad as a missing mode
 NEIGHBOURS = 8  # number of groups nearby with which a group is compared
-# Most samples in a period of the fastest mode with which only single samples are tested. Of more,
-# sums are tested as well.
-MAX_SAMPLES_PER_PERIOD = 32
+# Least number of sums of innovations in a period of the fastest mode. Sums of two or more are
+# tested if a period has at least twice as many samples.
+MIN_SUMS_PER_PERIOD = 32
 # Number of groups of equally many values of a quantity on which innovations may depend.
 VALUE_GROUPS = 16
 # Largest share of the innovations' power that their past predicts in a sound model.
@@ -128,7 +128,7 @@ def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) ->
     sums of several innovations, which are as white, are tested as well.
     """
     tests = _assess_grids(grids, step, modes)
-    many = int(1.0 / (modes.max() * step * MAX_SAMPLES_PER_PERIOD))
+    many = int(1.0 / (modes.max() * step * MIN_SUMS_PER_PERIOD))
     summed = [grid for grid in grids if len(grid) >= many]
     if many >= 2 and summed:
         sums = _assess_grids([_sum_groups(grid, many) for grid in summed], many * step, modes)
