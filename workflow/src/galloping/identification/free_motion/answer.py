@@ -196,11 +196,11 @@ def _identify_mean_model(
     problem: Problem, motion: FreeMotion, objections: Sequence[Finding]
 ) -> IdentifiedModel | NoModel:
     """Identify the mean linear model of a motion that no model follows, for given reasons."""
-    modes, place, names = motion.modes, motion.own_modes[0], motion.channels.names
+    modes, mode, names = motion.modes, motion.own_modes[0], motion.channels.names
     parts: list[EnvelopePart] = []
     for index, stretch in enumerate(motion.stretches):
         begin = motion.recordings[index].time[0]
-        parts += fit_envelope(stretch, modes, index, place, names, begin)
+        parts += fit_envelope(stretch, modes, index, mode, names, begin)
     if len(parts) < 2:
         return NoModel()
     values = np.array([[part.growth, part.frequency] for part in parts])
@@ -221,9 +221,9 @@ def _identify_mean_model(
     outcome = _identified_model(problem, motion, system, covariance)
     if isinstance(outcome, NoModel):
         return outcome
-    missing = (each for each in objections if each.code == Code.TERM_MISSING)
+    missing_terms = (each for each in objections if each.code == Code.TERM_MISSING)
     changing = Finding.of(Code.NOT_EXPONENTIAL, problem.states[coordinate])
-    return replace(outcome, envelope=tuple(parts)).with_findings(*missing, changing)
+    return replace(outcome, envelope=tuple(parts)).with_findings(*missing_terms, changing)
 
 
 def _identified_model(
@@ -244,11 +244,11 @@ def _identified_model(
     constant = (0,) * len(problem.names)
     terms = {problem.linear(state): state for state in range(n)}
     if is_displaced.any():  # only constants in the equations of velocities shift the equilibrium
-        place = problem.terms.index(constant) if constant in problem.terms else None
+        constant_index = problem.terms.index(constant) if constant in problem.terms else None
         is_shifted = np.abs(system @ equilibrium) > 0.0
-        if place is None or not problem.open[is_shifted, place].all():
+        if constant_index is None or not problem.open[is_shifted, constant_index].all():
             return NoModel()
-        terms[place] = n
+        terms[constant_index] = n
     whole = np.zeros((n * n + n,) * 2)  # covariance of the entries and of the equilibrium
     whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(equilibrium_errors**2)
     free, support = np.zeros(len(problem.candidates)), np.zeros(len(problem.candidates), bool)
@@ -288,57 +288,57 @@ def _identified_model(
 def with_further_modes(identified: IdentifiedModel, motion: FreeMotion) -> IdentifiedModel:
     """Add the additional modes and findings of a free motion to its identified model."""
     modes, first, steady = motion.modes, motion.modes.first_fitted, []
-    for place in motion.steady_modes:
-        channel = strongest_channel(modes, first, place)
+    for mode_index in motion.steady_modes:
+        channel = strongest_channel(modes, first, mode_index)
         finding = Finding.of(
             Code.FORCED_STEADILY, motion.channels.names[channel],
-            frequency_hz=modes.poles[place].imag / (2.0 * np.pi),
-            frequency_error_hz=modes.frequency_errors[place] / (2.0 * np.pi),
-            amplitude=abs(modes.amplitudes[first][place, channel]),
+            frequency_hz=modes.poles[mode_index].imag / (2.0 * np.pi),
+            frequency_error_hz=modes.frequency_errors[mode_index] / (2.0 * np.pi),
+            amplitude=abs(modes.amplitudes[first][mode_index, channel]),
         )  # fmt: skip
         steady.append(finding)
     longest = max(one.duration for one in motion.stretches)
     further = [
         mode
-        for place in motion.further_modes
-        if modes.poles[place].imag * longest > 2.0 * np.pi * MIN_PERIODS
+        for mode_index in motion.further_modes
+        if modes.poles[mode_index].imag * longest > 2.0 * np.pi * MIN_PERIODS
         for index in range(len(motion.recordings))
-        for mode in _further_modes(motion, index, place)
+        for mode in _further_modes(motion, index, mode_index)
     ]
     return replace(identified, further_modes=tuple(further)).with_findings(
         *motion.findings, *steady
     )
 
 
-def _further_modes(motion: FreeMotion, index: int, place: int) -> Iterator[FurtherMode]:
+def _further_modes(motion: FreeMotion, index: int, mode_index: int) -> Iterator[FurtherMode]:
     """Yield a mode of a stretch, in each coordinate that is measured."""
     modes, states = motion.modes, motion.recordings[0].states
-    pole = modes.poles[place]
+    pole = modes.poles[mode_index]
     for coordinate in motion.channels.pairs:
-        amplitude = _modal_displacement(motion, index, place, coordinate)
+        amplitude = _modal_displacement(motion, index, mode_index, coordinate)
         if amplitude is not None:
             yield FurtherMode(
                 index, states[coordinate], float(pole.imag), float(pole.real),
                 float(amplitude.real), float(-amplitude.imag),
-                float(modes.frequency_errors[place]), float(modes.growth_errors[place]),
+                float(modes.frequency_errors[mode_index]), float(modes.growth_errors[mode_index]),
             )  # fmt: skip
 
 
 def _modal_displacement(
-    motion: FreeMotion, index: int, place: int, coordinate: int
+    motion: FreeMotion, index: int, mode_index: int, coordinate: int
 ) -> complex | None:
     """Compute the amplitude of a mode in a coordinate at the first sample of a stretch.
 
     It is from the channel with the highest signal-to-noise ratio; None if nothing measures the
     coordinate.
     """
-    modes, amplitudes = motion.modes, motion.modes.amplitudes[index][place]
+    modes, amplitudes = motion.modes, motion.modes.amplitudes[index][mode_index]
     orders = dict(motion.channels.derivatives(coordinate))
-    measured = [c for c in orders if np.isfinite(modes.noise[index, c])]
-    if not measured:
+    channels = [c for c in orders if np.isfinite(modes.noise[index, c])]
+    if not channels:
         return None
-    channel = max(measured, key=lambda c: abs(amplitudes[c]) / modes.noise[index, c])
-    return complex(amplitudes[channel] / modes.poles[place] ** orders[channel])
+    channel = max(channels, key=lambda c: abs(amplitudes[c]) / modes.noise[index, c])
+    return complex(amplitudes[channel] / modes.poles[mode_index] ** orders[channel])
 
 
 def _estimate_equilibrium(motion: FreeMotion, coordinate: int) -> tuple[float, float]:
@@ -362,11 +362,11 @@ def _initial_states(motion: FreeMotion, equilibrium: np.ndarray) -> np.ndarray:
     pairs = motion.channels.pairs
     states = np.tile(equilibrium, (len(motion.stretches), 1))
     for index in range(len(states)):
-        for place in motion.own_modes[: len(pairs)]:
+        for mode_index in motion.own_modes[: len(pairs)]:
             for coordinate, velocity in pairs.items():
-                amplitude = _modal_displacement(motion, index, place, coordinate) or 0.0
+                amplitude = _modal_displacement(motion, index, mode_index, coordinate) or 0.0
                 states[index, coordinate] += np.real(amplitude)
-                states[index, velocity] += np.real(amplitude * motion.modes.poles[place])
+                states[index, velocity] += np.real(amplitude * motion.modes.poles[mode_index])
     return states
 
 

@@ -29,10 +29,10 @@ def remove_unexplained_samples(
     for stretch, residual in zip(stretches, modes.residuals, strict=True):
         bad = np.zeros(residual.shape, bool)
         for c, column in enumerate(residual.T):
-            known = np.isfinite(column)
-            if known.any():
-                limit = OUTLIER_THRESHOLD * 1.4826 * np.median(np.abs(column[known]))
-                far = known & (np.abs(column) > limit)
+            is_known = np.isfinite(column)
+            if is_known.any():
+                limit = OUTLIER_THRESHOLD * 1.4826 * np.median(np.abs(column[is_known]))
+                far = is_known & (np.abs(column) > limit)
                 is_isolated = far & ~np.append(far[1:], False) & ~np.append(False, far[:-1])
                 bad[:, c] = is_isolated & (np.count_nonzero(is_isolated) <= MAX_OUTLIERS * len(far))
         bad |= _under_force(stretch, modes.poles)[:, np.newaxis]
@@ -44,23 +44,25 @@ def remove_unexplained_samples(
 def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     """Find samples, (n,), of the first and last period that free motion does not follow."""
     period = 2.0 * np.pi / poles.imag[0]
-    forced = np.zeros(len(stretch.time), bool)
-    inside = (stretch.time > period) & (stretch.time < stretch.duration - period)
+    is_forced = np.zeros(len(stretch.time), bool)
+    is_inner = (stretch.time > period) & (stretch.time < stretch.duration - period)
     if stretch.duration < MIN_PERIODS * period or len(poles) > MANY_MODES:
-        return forced
-    inner = Stretch(stretch.time[inside] - period, stretch.values[inside], stretch.drift_degrees)
+        return is_forced
+    inner = Stretch(
+        stretch.time[is_inner] - period, stretch.values[is_inner], stretch.drift_degrees
+    )
     modes = attempt(fit_poles, [inner], poles)
     if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles) is not None:
-        return forced
+        return is_forced
     residual = stretch.values - modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
     is_fitted = np.isfinite(modes.noise[0])
     residual, noise = residual[:, is_fitted], modes.noise[0][is_fitted]
     with np.errstate(invalid="ignore"):
-        distance = np.abs(residual - np.nanmedian(residual[inside], axis=0))
+        distance = np.abs(residual - np.nanmedian(residual[is_inner], axis=0))
         is_far = np.any(distance > MAX_SAMPLE_MISFIT * noise, axis=1)
     early, late = stretch.time <= period, stretch.time >= stretch.duration - period
     if (rows := np.flatnonzero(is_far & early)).size:
-        forced[: rows[-1] + 1] = True
+        is_forced[: rows[-1] + 1] = True
     if (rows := np.flatnonzero(is_far & late)).size:
-        forced[rows[0] :] = True
-    return forced
+        is_forced[rows[0] :] = True
+    return is_forced

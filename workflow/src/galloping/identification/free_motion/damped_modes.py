@@ -271,25 +271,27 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
         residual = np.full(stretch.values.shape, np.nan)
         origin = np.where(poles.real > 0.0, stretch.duration, 0.0)
         columns = _wave_columns(stretch, poles, origin)
-        shared: np.ndarray | None = None
+        complete_products: np.ndarray | None = None
         for c, degree in enumerate(stretch.drift_degrees):
-            known = np.isfinite(stretch.values[:, c])
-            count = np.count_nonzero(known)
+            is_known = np.isfinite(stretch.values[:, c])
+            count = np.count_nonzero(is_known)
             if count < MIN_CHANNEL_SAMPLES + 2 * n + degree or stretch.sizes[c] == 0.0:
                 continue
-            values = np.where(known, stretch.values[:, c], 0.0)
-            of_channel = columns if known.all() else np.where(known[:, np.newaxis], columns, 0.0)
-            if shared is None or not known.all():
+            values = np.where(is_known, stretch.values[:, c], 0.0)
+            of_channel = (
+                columns if is_known.all() else np.where(is_known[:, np.newaxis], columns, 0.0)
+            )
+            if complete_products is None or not is_known.all():
                 products = of_channel.T @ of_channel
                 count_work(1e-9 * columns.size * columns.shape[1])
-                shared = products if known.all() else None
+                complete_products = products if is_known.all() else None
             else:
-                products = shared
+                products = complete_products
             crossed = of_channel.T @ values
             basis, inverse = _invert_basis(products, n, degree)
             solved = inverse @ crossed[basis]
-            fitted = of_channel[:, basis] @ solved
-            remainder = np.where(known, values - fitted, 0.0)
+            curve = of_channel[:, basis] @ solved
+            remainder = np.where(is_known, values - curve, 0.0)
             least = ROUNDING_ERROR * stretch.sizes[c] + np.finfo(float).tiny
             variance = max(remainder @ remainder / (count - len(solved)), least**2)
             a = solved[:n] - 1j * solved[n : 2 * n]
@@ -301,7 +303,7 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
             right += slopes.T @ (of_channel.T @ remainder) / variance
             misfit += count * np.log(variance)
             fitted_amplitudes[:, c] = a * np.exp(-poles.real * origin)
-            residual[known, c] = remainder[known]
+            residual[is_known, c] = remainder[is_known]
             noise[r, c] = np.sqrt(variance)
             if degree == 0:
                 offsets[r, c] = solved[-1]

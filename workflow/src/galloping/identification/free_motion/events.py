@@ -104,16 +104,18 @@ def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> tuple[
     """
     best, most = None, 0.0
     for index, stretch in enumerate(stretches):
-        tried = _possible_samples(stretch, modes.poles)
-        if not len(tried):
+        samples = _possible_samples(stretch, modes.poles)
+        if not len(samples):
             continue
-        gains, freedom = _event_gains(stretch, modes, index, tried)
-        place = int(np.argmax(gains))
-        allowed = chdtri(freedom, FALSE_MODE_RATE / len(stretch.time))
-        if gains[place] > max(allowed, most):
-            near = np.arange(tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)] + 1)
-            finer, _ = _event_gains(stretch, modes, index, near)
-            best, most = (index, int(near[np.argmax(finer)])), float(gains[place])
+        gains, freedom = _event_gains(stretch, modes, index, samples)
+        peak = int(np.argmax(gains))
+        limit = chdtri(freedom, FALSE_MODE_RATE / len(stretch.time))
+        if gains[peak] > max(limit, most):
+            neighbours = np.arange(
+                samples[max(peak - 1, 0)], samples[min(peak + 1, len(samples) - 1)] + 1
+            )
+            finer, _ = _event_gains(stretch, modes, index, neighbours)
+            best, most = (index, int(neighbours[np.argmax(finer)])), float(gains[peak])
     return best
 
 
@@ -128,21 +130,21 @@ def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
 
 
 def _event_gains(
-    stretch: Stretch, modes: DampedModes, index: int, tried: np.ndarray
+    stretch: Stretch, modes: DampedModes, index: int, samples: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """Compute the fall of chi^2 by a change before each sample, and its degrees of freedom."""
     waves = np.exp(np.outer(stretch.time, modes.poles))
     basis = np.hstack([waves.real, -waves.imag, np.ones((len(waves), 1))])
-    gains, freedom = np.zeros(len(tried)), 0
+    gains, freedom = np.zeros(len(samples)), 0
     for c in np.flatnonzero(np.isfinite(modes.noise[index])):
-        known = np.isfinite(stretch.values[:, c])[:, np.newaxis]
-        columns = np.where(known, basis, 0.0)
-        residual = np.where(known, modes.residuals[index][:, [c]], 0.0)
+        is_known = np.isfinite(stretch.values[:, c])[:, np.newaxis]
+        columns = np.where(is_known, basis, 0.0)
+        residual = np.where(is_known, modes.residuals[index][:, [c]], 0.0)
         gram = np.cumsum(np.einsum("ni,nj->nij", columns, columns), axis=0)
         right = np.cumsum(columns * residual, axis=0)
-        before = gram[tried - 1], right[tried - 1]
-        after = gram[-1] - before[0], right[-1] - before[1]
-        explained = _explained_squares(*before) + _explained_squares(*after)
+        sums_before = gram[samples - 1], right[samples - 1]
+        sums_after = gram[-1] - sums_before[0], right[-1] - sums_before[1]
+        explained = _explained_squares(*sums_before) + _explained_squares(*sums_after)
         gains += explained / modes.noise[index, c] ** 2
         freedom += basis.shape[1]
     return gains, freedom

@@ -168,22 +168,27 @@ def _classify_modes(
 ) -> FreeMotion | None:
     """Make the motion of modes in the order of their energy, None if something may sustain it."""
     steady = [k for k in order if linearity.is_steady(stretches, modes, k)]
-    own = [k for k in order if k not in steady]
-    if not own or (order[0] in steady and (not is_linear or linearity.is_cycle(modes, order))):
+    own_modes = [k for k in order if k not in steady]
+    if not own_modes or (
+        order[0] in steady and (not is_linear or linearity.is_cycle(modes, order))
+    ):
         return None
     if steady and is_linear:
         is_steady = np.isin(np.arange(len(modes.poles)), steady)
         poles = np.where(is_steady, 1j * modes.poles.imag, modes.poles)
         modes = fit_poles(stretches, poles, is_steady)
     if is_linear:
-        if abs(modes.poles[own[0]].real) < linearity.MIN_SIGNIFICANCE * modes.growth_errors[own[0]]:
+        if (
+            abs(modes.poles[own_modes[0]].real)
+            < linearity.MIN_SIGNIFICANCE * modes.growth_errors[own_modes[0]]
+        ):
             return None
         pairs = zip(recordings, stretches, strict=True)
         recordings = [_with_samples(one, stretch, channels) for one, stretch in pairs]
-    elif not falls_or_rises(_running_amplitudes(stretches, modes, own[:1])):
+    elif not falls_or_rises(_running_amplitudes(stretches, modes, own_modes[:1])):
         return None  # otherwise, samples that linear motion does not explain are no faults
     return FreeMotion(
-        recordings, stretches, is_linear, channels, modes, tuple(own), tuple(steady),
+        recordings, stretches, is_linear, channels, modes, tuple(own_modes), tuple(steady),
         tuple(findings),
     )  # fmt: skip
 
@@ -278,10 +283,10 @@ def _describe_event(
     modes: DampedModes, k: int, elapsed: float, time: float, channels: Channels
 ) -> Finding:
     """Describe the event between stretches k - 1 and k, `elapsed` s after the first begins."""
-    place = int(np.argmax(np.abs(modes.standardised_amplitudes(k)).max(axis=1)))
-    before = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
-    after = modes.amplitudes[k]
-    channel = strongest_channel(modes, k, place)
+    mode = int(np.argmax(np.abs(modes.standardised_amplitudes(k)).max(axis=1)))
+    forecast = modes.amplitudes[k - 1] * np.exp(modes.poles * elapsed)[:, np.newaxis]
+    amplitudes = modes.amplitudes[k]
+    channel = strongest_channel(modes, k, mode)
     offset = modes.offsets[k] - modes.offsets[k - 1]
     error = np.hypot(modes.offset_errors[k], modes.offset_errors[k - 1])
     with np.errstate(invalid="ignore"):
@@ -290,5 +295,5 @@ def _describe_event(
         c = int(stepped[np.argmax(np.abs(offset[stepped]) / error[stepped])])
         change = float(offset[c])
         return Finding.of(Code.FORCE_STEPPED, channels.names[c], time_s=time, change=change)
-    share = abs(after[place, channel] - before[place, channel]) / abs(before[place, channel])
+    share = abs(amplitudes[mode, channel] - forecast[mode, channel]) / abs(forecast[mode, channel])
     return Finding.of(Code.KNOCKED, channels.names[channel], time_s=time, share=float(share))

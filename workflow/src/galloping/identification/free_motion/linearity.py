@@ -38,13 +38,13 @@ def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: b
     stretches. is_noise: whether the residuals are noise. Returns the indices of the modes, that
     with most energy first.
     """
-    kept: list[int] = []
+    indices: list[int] = []
     longest = max(one.duration for one in stretches)
     for k in np.argsort(-mode_energies(stretches, modes)):
-        unresolved = [j for j in kept if _is_unresolved(modes, int(k), j, longest)]
+        unresolved = [j for j in indices if _is_unresolved(modes, int(k), j, longest)]
         if not unresolved or (is_noise and _is_transient(stretches, modes, int(k), unresolved)):
-            kept.append(int(k))
-    return kept
+            indices.append(int(k))
+    return indices
 
 
 def _is_unresolved(modes: DampedModes, k: int, j: int, longest: float) -> bool:
@@ -65,10 +65,10 @@ def _is_transient(
         return False
     (decaying,) = set(pair) - set(steady)
     standardised = modes.standardised_amplitudes(modes.first_fitted)
-    begin, held = standardised[[decaying, *steady]]
-    if np.vdot(held, begin).real > 0.0 and _has_same_frequency(modes, decaying, steady[0]):
+    begin, oscillation = standardised[[decaying, *steady]]
+    if np.vdot(oscillation, begin).real > 0.0 and _has_same_frequency(modes, decaying, steady[0]):
         return False
-    is_large = np.linalg.norm(begin) > MIN_TRANSIENT * np.linalg.norm(held)
+    is_large = np.linalg.norm(begin) > MIN_TRANSIENT * np.linalg.norm(oscillation)
     return bool(modes.poles[decaying].real < 0.0 and is_large)
 
 
@@ -85,10 +85,13 @@ def has_linear_modes(
     The residuals of the fit are noise. modes: fitted to the stretches. order: indices of the
     resolved modes, that with most energy first.
     """
-    own = [k for k in order if not is_steady(stretches, modes, k)]
+    own_modes = [k for k in order if not is_steady(stretches, modes, k)]
     return len(order) == len(modes.poles) and not (
-        own
-        and (_has_opposite_growth(modes, own) or _depends_on_amplitude(stretches, modes, own[0]))
+        own_modes
+        and (
+            _has_opposite_growth(modes, own_modes)
+            or _depends_on_amplitude(stretches, modes, own_modes[0])
+        )
     )
 
 
@@ -97,10 +100,11 @@ def may_be_single(stretches: Sequence[Stretch], modes: DampedModes, order: Seque
 
     Such a part has about the frequency of the strongest, or a multiple of it by a quadratic term.
     """
-    own = [k for k in order if not is_steady(stretches, modes, k)]
+    own_modes = [k for k in order if not is_steady(stretches, modes, k)]
     return any(
-        is_close(modes.poles[k], modes.poles[own[0]]) or _is_multiple(modes, k, own[0], HARMONIC)
-        for k in own[1:]
+        is_close(modes.poles[k], modes.poles[own_modes[0]])
+        or _is_multiple(modes, k, own_modes[0], HARMONIC)
+        for k in own_modes[1:]
     )
 
 
@@ -144,19 +148,19 @@ def is_steady(stretches: Sequence[Stretch], modes: DampedModes, k: int) -> bool:
     return turns > MIN_STEADY_PERIODS and max(change) < MAX_STEADY_CHANGE
 
 
-def _has_opposite_growth(modes: DampedModes, own: Sequence[int]) -> bool:
+def _has_opposite_growth(modes: DampedModes, own_modes: Sequence[int]) -> bool:
     """Decide whether one of two modes of similar frequency grows and the other decays."""
-    main = modes.poles[own[0]]
+    main = modes.poles[own_modes[0]]
     opposed = modes.poles.real * np.sign(main.real) < -MIN_SIGNIFICANCE * modes.growth_errors
-    return bool(np.any((opposed & is_close(modes.poles, main))[own]))
+    return bool(np.any((opposed & is_close(modes.poles, main))[own_modes]))
 
 
 def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
     """Decide whether frequency and growth of a mode are a given multiple of those of another."""
-    off = modes.poles[k] - times * modes.poles[main]
+    difference = modes.poles[k] - times * modes.poles[main]
     allowed_growth = MIN_SIGNIFICANCE * modes.growth_errors[k] + 0.2 * abs(modes.poles[main].real)
-    allowed = MIN_SIGNIFICANCE * modes.frequency_errors[k]
-    return abs(off.real) <= allowed_growth and abs(off.imag) <= allowed
+    allowed_frequency = MIN_SIGNIFICANCE * modes.frequency_errors[k]
+    return abs(difference.real) <= allowed_growth and abs(difference.imag) <= allowed_frequency
 
 
 def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
@@ -178,18 +182,18 @@ def amplitude_gains(
     for index, stretch in enumerate(stretches):
         origin = np.where(modes.poles.real > 0.0, stretch.duration, 0.0)
         waves = np.exp(modes.poles * (stretch.time[:, np.newaxis] - origin))
-        moved = stretch.time[:, np.newaxis] / stretch.duration * waves[:, [main]]
-        columns = np.hstack([waves, moved])
+        growth_slopes = stretch.time[:, np.newaxis] / stretch.duration * waves[:, [main]]
+        columns = np.hstack([waves, growth_slopes])
         known_columns = np.hstack([columns.real, columns.imag, np.ones((len(waves), 1))])
         for c in np.flatnonzero(np.isfinite(modes.noise[index])):
-            known = np.isfinite(modes.residuals[index][:, c])
-            q, _ = np.linalg.qr(known_columns[known])
-            residuals = modes.residuals[index][known, c]
+            is_known = np.isfinite(modes.residuals[index][:, c])
+            q, _ = np.linalg.qr(known_columns[is_known])
+            residuals = modes.residuals[index][is_known, c]
             freedom += 2
             for n, growth in enumerate((0.0, 2.0 * pole.real, 3.0 * pole.real)):
                 start = stretch.duration if growth > 0.0 else 0.0
-                time = stretch.time[known] - start
-                wave = np.exp(growth * time + 1j * pole.imag * stretch.time[known])
+                time = stretch.time[is_known] - start
+                wave = np.exp(growth * time + 1j * pole.imag * stretch.time[is_known])
                 further = np.column_stack([wave.real, wave.imag])
                 further -= q @ (q.T @ further)
                 basis, triangle = np.linalg.qr(further)

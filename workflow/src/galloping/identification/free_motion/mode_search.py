@@ -76,18 +76,20 @@ def strongest_mode(
     strides = np.concatenate([[1], parts, parts])  # steps in `omega` between bins of each window
     series, spans = [], []
     for stretch, residual in zip(stretches, residuals, strict=True):
-        place = np.round(stretch.time / step).astype(int)
+        positions = np.round(stretch.time / step).astype(int)
         for column, motion in zip(residual.T, stretch.sizes, strict=True):
-            known = np.isfinite(column)
-            if np.count_nonzero(known) < MIN_CHANNEL_SAMPLES:
+            is_known = np.isfinite(column)
+            if np.count_nonzero(is_known) < MIN_CHANNEL_SAMPLES:
                 continue
-            if np.mean(column[known] ** 2) <= (ROUNDING_ERROR * motion) ** 2:
+            if np.mean(column[is_known] ** 2) <= (ROUNDING_ERROR * motion) ** 2:
                 continue
-            time = stretch.time[known] / longest
-            series.append(_windowed_powers(time, column[known], place[known], size, parts))
-            spans.append((stretch.duration, place[-1] + 1))
+            time = stretch.time[is_known] / longest
+            series.append(
+                _windowed_powers(time, column[is_known], positions[is_known], size, parts)
+            )
+            spans.append((stretch.duration, positions[-1] + 1))
             # above half the rate of its own samples a channel has mirror images
-            channel_step = np.median(np.diff(stretch.time[known]))
+            channel_step = np.median(np.diff(stretch.time[is_known]))
             mirrored = omega * channel_step > np.pi * MAX_FREQUENCY
             for image, stride in zip(series[-1], strides, strict=True):
                 image[mirrored[::stride]] = 0.0
@@ -95,7 +97,7 @@ def strongest_mode(
         return None
     windows = np.concatenate([[0.0], faster, -faster]) / longest
     looks = len(windows) * longest / step / 2.0
-    allowed = float(gammainccinv(len(series), FALSE_MODE_RATE / looks))
+    threshold = float(gammainccinv(len(series), FALSE_MODE_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
     is_searched = (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
     if excluded is not None:
@@ -106,7 +108,7 @@ def strongest_mode(
     peaks = np.array([power.max() for power in powers])
     omitted = _near_modes(omega, poles, 2.0 * np.pi / longest)
     levels = np.ones((len(series), len(omega)))  # noise levels, at least those of white noise
-    best, strongest = None, allowed
+    best, strongest = None, threshold
     for k, (decay, stride) in enumerate(zip(windows, strides, strict=True)):
         if peaks[k:].max() <= strongest:
             break
@@ -123,7 +125,7 @@ def strongest_mode(
             spectra[k][bins] / level[stride * bins]
             for spectra, level in zip(series, levels, strict=True)
         )
-        bins = bins[excess > allowed]
+        bins = bins[excess > threshold]
         if len(bins):
             highest = bins[np.argmax(powers[k][bins])]
             best, strongest = complex(-decay, omega[stride * highest]), powers[k][highest]
@@ -131,12 +133,12 @@ def strongest_mode(
 
 
 def _windowed_powers(
-    time: np.ndarray, values: np.ndarray, place: np.ndarray, size: int, parts: np.ndarray
+    time: np.ndarray, values: np.ndarray, positions: np.ndarray, size: int, parts: np.ndarray
 ) -> list[np.ndarray]:
     """Compute periodograms of a series in a flat window, and in windows that decay and that grow.
 
     Each decays or grows twice as fast as the one before. White noise has unit power. time, values:
-    (n,); the unit of time is that in which the first window decays by a factor e. place: (n,)
+    (n,); the unit of time is that in which the first window decays by a factor e. positions: (n,)
     integers, of the samples on a uniform grid. size: of the transform in the flat window. parts:
     (n_decays,) integer divisors of this size and of the unit of time, for shorter windows of each
     decay.
@@ -146,10 +148,10 @@ def _windowed_powers(
     def power(weight: np.ndarray, part: int) -> np.ndarray:
         count_work(POWER_WORK * size / part)
         rows = len(weight)
-        spectrum = np.fft.rfft(np.bincount(place[:rows], weight * values[:rows], size // part))
+        spectrum = np.fft.rfft(np.bincount(positions[:rows], weight * values[:rows], size // part))
         return (spectrum.real**2 + spectrum.imag**2) / (weight @ weight * variance)
 
-    place = place - place[0]
+    positions = positions - positions[0]
     powers = [power(np.ones(len(time)), 1)]
     for lag in (time - time[0], (time[-1] - time)[::-1]):
         weight = np.exp(-lag)
@@ -157,19 +159,19 @@ def _windowed_powers(
             weight = weight[: np.searchsorted(lag, 1.0 / part, side="right")]
             powers.append(power(weight, part))
             weight = weight**WINDOW_RATIO
-        values, place = values[::-1], (place[-1] - place)[::-1]
+        values, positions = values[::-1], (positions[-1] - positions)[::-1]
     return powers
 
 
 def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) -> np.ndarray:
     """Find frequencies, (n,), rad/s, near modes, where residuals of these remain."""
-    near = np.zeros(len(omega), bool)
+    is_near = np.zeros(len(omega), bool)
     for k, pole in enumerate(() if poles is None else poles):
         width = max(
             5.0 * abs(pole.real), 3.0 * resolution, CLOSE_DISTANCE * pole.imag if k == 0 else 0.0
         )
-        near |= np.abs(omega - pole.imag) < width
-    return near
+        is_near |= np.abs(omega - pole.imag) < width
+    return is_near
 
 
 def noise_level(
@@ -182,21 +184,21 @@ def noise_level(
     is resolved more finely. Returns (n,), at least the level from the median over all frequencies.
     """
     first = int(oversampled) + 1  # slower bins are taken up by a constant
-    kept = np.flatnonzero(~omitted)
-    kept = kept[kept >= first]
-    if not len(kept):
+    indices = np.flatnonzero(~omitted)
+    indices = indices[indices >= first]
+    if not len(indices):
         return np.full(len(power), np.median(power) / np.log(2.0))
-    selected = power[kept]
-    white = np.median(selected) / np.log(2.0)
+    selected_power = power[indices]
+    white = np.median(selected_power) / np.log(2.0)
     places, levels, begin = [], [], 0
     slow = [(DRIFT_BINS, NOISE_BINS * oversampled)] if has_drifts else []
     for bins, until in (*slow, (NOISE_BINS, len(power))):
         width = max(int(bins * oversampled), 1)
-        count = (int(np.searchsorted(kept, until)) - begin) // width
+        count = (int(np.searchsorted(indices, until)) - begin) // width
         if count > 0:
             rows = slice(begin, begin + count * width)
-            places += kept[rows].reshape(count, width).mean(axis=1).tolist()
-            levels += np.median(selected[rows].reshape(count, width), axis=1).tolist()
+            places += indices[rows].reshape(count, width).mean(axis=1).tolist()
+            levels += np.median(selected_power[rows].reshape(count, width), axis=1).tolist()
             begin = rows.stop
     if not levels:
         return np.full(len(power), white)
@@ -275,16 +277,16 @@ def _with_local_noise(stretches: Sequence[Stretch], modes: DampedModes) -> Dampe
     ratios, weights = np.zeros((2, len(modes.poles)))
     for r, (stretch, residual) in enumerate(zip(stretches, modes.residuals, strict=True)):
         size = 2 ** int(np.ceil(np.log2(2.0 * stretch.duration / stretch.step + 2.0)))
-        place = np.round(stretch.time / stretch.step).astype(int)
+        positions = np.round(stretch.time / stretch.step).astype(int)
         for c in np.flatnonzero(np.isfinite(modes.noise[r])):
             column = np.nan_to_num(residual[:, c])
             mean = np.sum(column**2)
             if mean <= 0.0:
                 continue
-            power = np.abs(np.fft.rfft(np.bincount(place, column, size), size)) ** 2
+            power = np.abs(np.fft.rfft(np.bincount(positions, column, size), size)) ** 2
             omega = 2.0 * np.pi * np.fft.rfftfreq(size, stretch.step)
             omitted = _near_modes(omega, modes.poles, 2.0 * np.pi / stretch.duration)
-            level = noise_level(power, size / (place[-1] + 1), omitted) / mean
+            level = noise_level(power, size / (positions[-1] + 1), omitted) / mean
             bins = modes.poles.imag * stretch.step * size / (2.0 * np.pi)
             weight = np.abs(modes.amplitudes[r][:, c] / modes.noise[r, c]) ** 2
             ratios += weight * level[bins.astype(int)]
