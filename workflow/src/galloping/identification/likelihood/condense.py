@@ -257,17 +257,17 @@ def condense_recordings(
     remainder = np.zeros((len(times), n_observed))
     parts, begins = [], []
     for r, (time, value) in enumerate(zip(times, values, strict=True)):
-        scaled = (time - time[0]) / step
-        window = np.minimum((scaled + 1e-9).astype(np.int64), windows[r] - 1)
+        window_time = (time - time[0]) / step
+        window = np.minimum((window_time + 1e-9).astype(np.int64), windows[r] - 1)
         offsets = np.searchsorted(window, np.arange(windows[r] + 1))
         within = slice(first[r], first[r + 1])
         basis = np.zeros((*value.shape, PROJECTIONS)) if keep_samples else None
         _project_recording(
-            scaled - window, np.ascontiguousarray(value, dtype=float), offsets,
+            window_time - window, np.ascontiguousarray(value, dtype=float), offsets,
             int(np.diff(offsets).max()), functionals[within], targets[within], counts[r], rows[r],
             remainder[r], basis,
         )  # fmt: skip
-        parts.append((scaled - window, basis))
+        parts.append((window_time - window, basis))
         begins.append(offsets[:-1] + sum(map(len, times[:r])))
     functionals[:, is_rate] = rate_functionals(functionals[:, is_rate], step)
     samples = None

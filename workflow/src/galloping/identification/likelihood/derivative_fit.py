@@ -39,14 +39,14 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         for one in recordings
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
-    measured = [one.rates for one in recordings if one.rates is not None]
-    size = largest_coefficients(problem, np.concatenate(values), np.concatenate(measured))
+    all_rates = [one.rates for one in recordings if one.rates is not None]
+    size = largest_coefficients(problem, np.concatenate(values), np.concatenate(all_rates))
     squares, count, parts = 0.0, 0, []
     for i in problem.unknown:
         block = np.flatnonzero(problem.candidates[:, 0] == i)
         columns = problem.candidates[block, 1]
         samples = 0
-        for r, (theta, rates) in enumerate(zip(thetas, measured, strict=True)):
+        for r, (theta, rates) in enumerate(zip(thetas, all_rates, strict=True)):
             rate = rates[:, i] - theta @ problem.known[i]
             is_complete = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if is_complete.sum() <= len(problem.terms):
@@ -74,7 +74,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     prior_information, prior_right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
     of_data, right_of_data = information - prior_information, right - prior_right
     misfit = squares + float(free @ (of_data @ free - 2.0 * right_of_data))
-    fitted: FitFields = {
+    fit_fields: FitFields = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,
         "chi2": misfit / max(count - int(support.sum()), 1),
@@ -86,7 +86,9 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         if is_noisy
     ]
     if max(correlations, default=0.0) < -ndtri(FALSE_OBJECTION_RATE / max(len(correlations), 1)):
-        return assess_fit(problem, Regression(information, right, support, penalty, size), **fitted)
+        return assess_fit(
+            problem, Regression(information, right, support, penalty, size), **fit_fields
+        )
     gradients = []
     for one, (block, rows, *_) in zip(residuals, parts, strict=True):
         gradient = np.zeros((len(one), n))
@@ -96,5 +98,5 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     covariance = sandwich_covariance(gradients, covariance) + from_prior
     findings = [Finding.of(Code.DERIVATIVES_CORRELATED)]
     return assess_approximation(
-        problem, free, support, information, covariance, penalty, findings, **fitted
+        problem, free, support, information, covariance, penalty, findings, **fit_fields
     )

@@ -52,20 +52,20 @@ class NormalEquations:
 
     def choose_terms(self, fit: ShootingFit | StretchFit, price: Price | float) -> np.ndarray:
         """Choose the best terms, (n,), searched from all candidates and from those of the fit."""
-        tried, problem = [np.ones(len(fit.support), bool), fit.support], fit.record.problem
-        return problem.select_terms(self.information, self.right, tried, price, fit.free)
+        supports, problem = [np.ones(len(fit.support), bool), fit.support], fit.record.problem
+        return problem.select_terms(self.information, self.right, supports, price, fit.free)
 
     def best_coefficients(
         self, fit: ShootingFit | StretchFit, support: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Compute the best coefficients (n,) of a support, and their covariance without bounds."""
         # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
-        kept = np.where(support, fit.free, 0.0)
-        right = self.right + self.information @ (fit.free - kept)
+        origin = np.where(support, fit.free, 0.0)
+        right = self.right + self.information @ (fit.free - origin)
         change, covariance = fit.record.problem.solve_within_bounds(
-            self.information, right, support, kept
+            self.information, right, support, origin
         )
-        return kept + change, covariance
+        return origin + change, covariance
 
 
 @dataclass(frozen=True)
@@ -123,11 +123,11 @@ def eliminate_with_jumps(
     """
     links = np.where(np.diff(segments.recording, append=-1) == 0, JUMP, FREE)
     if left_out is not None:
-        out = linear.fold == left_out
-        links[out | np.append(out[1:], False)] = FREE
+        is_omitted = linear.fold == left_out
+        links[is_omitted | np.append(is_omitted[1:], False)] = FREE
         linear = replace(
             linear,
-            rows=np.where(out[:, None, None], 0.0, linear.rows),
+            rows=np.where(is_omitted[:, None, None], 0.0, linear.rows),
             information=np.delete(linear.information, left_out, axis=0),
             right=np.delete(linear.right, left_out, axis=0),
         )
@@ -142,17 +142,17 @@ def _eliminate(
     count_work(len(links) * (2 * SEGMENT_WORK + 1e-9 * roots.shape[1] * len(right) ** 2))
     mismatch = linear.ends - np.roll(linear.starts, -1, axis=0)
     n, begins = len(right), np.append(True, links[:-1] == FREE)
-    kept, equations, relations, spreads = filter_back(
+    state_rows, equations, relations, spreads = filter_back(
         linear.rows, linear.end_derivatives, mismatch, links, roots
     )
-    first, first_root, undetermined = _solve_first_states(kept[begins], n, rcond)
+    first, first_root, undetermined = _solve_first_states(state_rows[begins], n, rcond)
     response, variance, jump_variance = follow_states(
         relations, spreads, linear.end_derivatives, begins, first, first_root
     )
     remaining = np.concatenate([equations.reshape(-1, n + 1), undetermined.reshape(-1, n + 1)])
     information = information + remaining[:, :n].T @ remaining[:, :n]
     right = right + remaining[:, n] @ remaining[:, :n]
-    fall = float(np.sum(kept[begins, :, -1] ** 2) - np.sum(undetermined[:, :, n] ** 2))
+    fall = float(np.sum(state_rows[begins, :, -1] ** 2) - np.sum(undetermined[:, :, n] ** 2))
     gap = np.abs(mismatch[links == EQUAL]).max(axis=0, initial=0.0)
     return Eliminated(information, right, response, variance, jump_variance, gap, fall)
 
@@ -172,13 +172,13 @@ def _solve_first_states(
     norm = np.linalg.norm(block, axis=1)
     scale = np.divide(1.0, norm, out=np.zeros(norm.shape), where=norm > 0.0)
     u, s, v = np.linalg.svd(block * scale[:, None, :])
-    known = (s > rcond * s[:, :1])[..., None]
-    turned = u.transpose(0, 2, 1) @ np.delete(rows, np.s_[n:-1], axis=2)
-    inverse = np.divide(1.0, s[..., None], out=np.zeros(known.shape), where=known)
+    is_determined = (s > rcond * s[:, :1])[..., None]
+    rotated_rows = u.transpose(0, 2, 1) @ np.delete(rows, np.s_[n:-1], axis=2)
+    inverse = np.divide(1.0, s[..., None], out=np.zeros(is_determined.shape), where=is_determined)
     root = scale[..., None] * (inverse * v).transpose(0, 2, 1)
-    solved = root @ turned
+    solved = root @ rotated_rows
     solved[:, :, :n] *= -1.0
-    return solved, root, np.where(known, 0.0, turned)
+    return solved, root, np.where(is_determined, 0.0, rotated_rows)
 
 
 def jump_covariance(

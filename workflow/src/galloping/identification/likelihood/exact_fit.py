@@ -35,31 +35,31 @@ from galloping.identification.work import is_exhausted
 def fit_exact(start: Start) -> IdentifiedModel | NoModel:
     """Search for a model that fits the data to the noise; return `NoModel` if none does."""
     problem, penalty, largest = start.problem, start.penalty, start.largest
-    joined = _fit_guesses(start, largest)
-    if joined is None:
+    chain_fit = _fit_guesses(start, largest)
+    if chain_fit is None:
         code = Code.LIMIT_OF_WORK if is_exhausted() else Code.ITERATION_DIVERGES
         return NoModel((Finding.of(code),))
-    if joined.objection:
-        is_cut = joined.objection.code == Code.LIMIT_OF_WORK  # then the data show no cause
-        causes = [] if is_cut else _find_causes(joined.free_step.fit, penalty)
-        return NoModel((*causes, joined.objection))
-    residual, tests = _chain_residuals(start, joined.step.fit)
+    if chain_fit.objection:
+        is_cut = chain_fit.objection.code == Code.LIMIT_OF_WORK  # then the data show no cause
+        causes = [] if is_cut else _find_causes(chain_fit.free_step.fit, penalty)
+        return NoModel((*causes, chain_fit.objection))
+    residual, tests = _chain_residuals(start, chain_fit.step.fit)
     if tests.is_coloured and tests.band < MAX_COLOUR_RATIO:
-        joined = _refit_coloured_noise(start, joined, tests)
-        if joined.objection:
-            return NoModel((joined.objection,))
-        residual, tests = _chain_residuals(start, joined.step.fit)
-    step, fit = joined.step, joined.step.fit
+        chain_fit = _refit_coloured_noise(start, chain_fit, tests)
+        if chain_fit.objection:
+            return NoModel((chain_fit.objection,))
+        residual, tests = _chain_residuals(start, chain_fit.step.fit)
+    step, fit = chain_fit.step, chain_fit.step.fit
     sigma, noise_of_rates = _sample_noise(fit, residual)
     doubts = [Finding.of(Code.UNSETTLED)]
-    if joined.settled:  # residuals of an unsettled fit are not the least, and show no cause
+    if chain_fit.settled:  # residuals of an unsettled fit are not the least, and show no cause
         doubts, is_near = _find_objections(fit, tests, penalty)
         if doubts and not is_near:
             if not (problem.inputs and has_forgotten_start(fit)):
                 return NoModel(tuple(doubts))
-            near = approximate_free_runs(fit, step.information, residual, penalty, doubts)
-            return prepend_path(joined.path, near)
-    kept = sum(recording.samples for recording in start.recordings)
+            approximation = approximate_free_runs(fit, step.information, residual, penalty, doubts)
+            return prepend_path(chain_fit.path, approximation)
+    kept_samples = sum(recording.samples for recording in start.recordings)
     identified = assess_fit(
         problem,
         Regression(step.information, step.right, fit.support, penalty, largest, fit.free),
@@ -75,11 +75,11 @@ def fit_exact(start: Start) -> IdentifiedModel | NoModel:
             "residual_band_allowed": tests.band_allowed,
             "residual_line": tests.line,
             "residual_line_allowed": tests.line_allowed,
-            "removed_share": 1.0 - kept / start.samples,
+            "removed_share": 1.0 - kept_samples / start.samples,
             **noise_of_rates,
         },
     )
-    return prepend_path(joined.path, identified)
+    return prepend_path(chain_fit.path, identified)
 
 
 def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
@@ -104,20 +104,22 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
         if free_step is None:
             continue
         has_unseen = n_unidentifiable_directions(free_step.information, largest) > 0
-        joined = join_segments(free_step, start.price, price_factor, has_unseen)
+        chain_fit = join_segments(free_step, start.price, price_factor, has_unseen)
         if has_kinks:
-            joined = refine_fit(joined, start.price)
-        joined = replace(joined, path=(name, *free_step.path(start.period), *joined.path))
-        if price_factor > 1.0 and joined.settled and has_unseen:
+            chain_fit = refine_fit(chain_fit, start.price)
+        chain_fit = replace(chain_fit, path=(name, *free_step.path(start.period), *chain_fit.path))
+        if price_factor > 1.0 and chain_fit.settled and has_unseen:
             # a model of fewer terms can have the same limit cycle
-            n_unseen = n_unidentifiable_directions(joined.step.information, largest)
-            joined = replace(joined, settled=bool(n_unseen < joined.step.fit.support.sum()))
-        if joined.settled and not (has_kinks and _shows_misfit(start, joined.step.fit)):
-            return joined
-        if best is None or (best.objection and not joined.objection):
-            best = joined
-        elif not joined.objection:
-            best = min(best, joined, key=quality)
+            n_unseen = n_unidentifiable_directions(chain_fit.step.information, largest)
+            chain_fit = replace(
+                chain_fit, settled=bool(n_unseen < chain_fit.step.fit.support.sum())
+            )
+        if chain_fit.settled and not (has_kinks and _shows_misfit(start, chain_fit.step.fit)):
+            return chain_fit
+        if best is None or (best.objection and not chain_fit.objection):
+            best = chain_fit
+        elif not chain_fit.objection:
+            best = min(best, chain_fit, key=quality)
     return best
 
 
@@ -136,16 +138,18 @@ def _chain_residuals(start: Start, fit: ShootingFit) -> tuple[np.ndarray, Residu
     return residual, diagnose_residuals(condensed, residual, fit.n_parameters, start.period)
 
 
-def _refit_coloured_noise(start: Start, joined: JoinedFit, tests: ResidualDiagnostics) -> JoinedFit:
+def _refit_coloured_noise(
+    start: Start, chain_fit: JoinedFit, tests: ResidualDiagnostics
+) -> JoinedFit:
     """Join a fit again with noise as strong as its residuals at the motion's frequencies."""
-    fit = joined.step.fit
+    fit = chain_fit.step.fit
     noise = np.sqrt(np.where(np.isfinite(tests.band_power), tests.band_power, fit.sigma**2))
     record = replace(fit.record, floor=noise)
     fit = replace(fit, record=record, sigma=noise, reference=noise, chi2=np.inf)
-    step = replace(joined.step, before=fit, fit=fit)
+    step = replace(chain_fit.step, before=fit, fit=fit)
     again = join_segments(step, start.price, 1.0, False)
-    path = (*joined.path, "coloured noise", *again.path)
-    return replace(again, free_step=joined.free_step, path=path)
+    path = (*chain_fit.path, "coloured noise", *again.path)
+    return replace(again, free_step=chain_fit.free_step, path=path)
 
 
 def _find_objections(

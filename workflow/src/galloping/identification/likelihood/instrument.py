@@ -248,12 +248,12 @@ def _score_instead_of_terms(
     information, right = _combine_parameters(quadratic.information, quadratic.right, test.mixture)
     problem, origin = fit.record.problem, np.append(fit.free, 0.0)
     prices = np.append(problem.least_prices(penalty), penalty)
-    without = np.append(fit.support, False)
+    present_support = np.append(fit.support, False)
     apart = np.append(problem.selection_offset(fit.free), 0.0)
-    chosen = select_support(
-        information, right, [without, np.append(fit.support, True)], prices, apart
+    selection = select_support(
+        information, right, [present_support, np.append(fit.support, True)], prices, apart
     )
-    if not chosen[-1]:
+    if not selection[-1]:
         return 0.0
 
     def penalised_misfit(present: np.ndarray) -> float:
@@ -263,7 +263,7 @@ def _score_instead_of_terms(
         rise = removal @ information @ removal - 2.0 * right @ removal
         return float(rise - change @ residual_gradient) + prices[present].sum()
 
-    return float(np.sqrt(max(penalised_misfit(without) - penalised_misfit(chosen), 0.0)))
+    return float(np.sqrt(max(penalised_misfit(present_support) - penalised_misfit(selection), 0.0)))
 
 
 def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
@@ -271,15 +271,16 @@ def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     segments, starts = fit.record.segments, fit.starts
     is_term = np.arange(linear.right.shape[1]) < fit.support.sum()
 
-    def misfit_fall(joined: Segments) -> float:
-        quadratic = eliminate_chains(linear, joined)
+    def misfit_fall(chain_segments: Segments) -> float:
+        quadratic = eliminate_chains(linear, chain_segments)
         change, _ = solve_support(quadratic.information, quadratic.right, is_term)
         return quadratic.fall + float(change @ quadratic.right)
 
     whole, bounds, tested = misfit_fall(segments), segments.bounds, []
-    place = np.arange(bounds[-1]) - np.repeat(bounds[:-1], np.diff(bounds))  # place in its chain
+    # position of each segment in its chain
+    positions = np.arange(bounds[-1]) - np.repeat(bounds[:-1], np.diff(bounds))
     for length in (1, 2, 4):  # segments in a chain, for intermittent forces and a drifting phase
-        begins = place % length == 0
+        begins = positions % length == 0
         freedom = int(begins.sum() - len(bounds) + 1) * starts.shape[1]
         if freedom > 0:
             square = misfit_fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
@@ -302,13 +303,13 @@ def _test_variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -
     for code, signals in ((Code.TIMES_JITTER, rates), (Code.NOISE_GROWS, values)):
         signal, scores, skews = signals[:, :, 0], [], []
         for r, o in np.ndindex(sigma.shape):
-            inside = is_present[:, o] & (owner == r)[:, None]
-            squares = square[:, o][inside]
+            is_inside = is_present[:, o] & (owner == r)[:, None]
+            squares = square[:, o][is_inside]
             # residuals are so far below sigma only if sigma is at its floor: they are rounding
             if len(squares) < 2 or squares.mean() < 0.25:
                 continue
             level = signal[:, o] / weight[:, o]
-            size = np.repeat(level[:, None] ** 2, PROJECTIONS, axis=1)[inside]
+            size = np.repeat(level[:, None] ** 2, PROJECTIONS, axis=1)[is_inside]
             size = size - size.mean()
             if (spread := np.sqrt(2.0 * np.sum(size**2))) > 0.0:
                 scores.append(float(size @ (squares / squares.mean())) / spread)

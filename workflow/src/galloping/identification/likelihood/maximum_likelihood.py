@@ -135,18 +135,18 @@ def maximum_likelihood(
     )
     if forced is not None:
         return fit_random_forces(problem, recordings, forced)
-    used = attempt(segments_with_inputs, recordings, problem.inputs)
-    if isinstance(used, NoModel):
-        return prepend_path(["no model"], refused_model(problem, used.findings))
-    if all(recording.exact for recording in used):
-        identified = prepend_path(["derivatives"], derivative_fit(problem, used))
+    segments = attempt(segments_with_inputs, recordings, problem.inputs)
+    if isinstance(segments, NoModel):
+        return prepend_path(["no model"], refused_model(problem, segments.findings))
+    if all(recording.exact for recording in segments):
+        identified = prepend_path(["derivatives"], derivative_fit(problem, segments))
     else:
-        moving = moving_recordings(used, problem.terms)
+        moving = moving_recordings(segments, problem.terms)
         start = None if moving.findings else start
-        with limit_work(used) as work:
+        with limit_work(segments) as work:
             identified = work.downgrade_if_cut_short(_search_model(problem, moving, start))
-        identified = explain_single_state(with_findings(identified, moving), used)
-    identified = add_input_errors(check_prior_conflict(problem, identified), recordings, used)
+        identified = explain_single_state(with_findings(identified, moving), segments)
+    identified = add_input_errors(check_prior_conflict(problem, identified), recordings, segments)
     return add_alias_rivals(problem, identified)
 
 
@@ -312,14 +312,14 @@ def _fit_approximate(start: Start, objections: Findings) -> Outcome:
     fit = attempt(prepare_fit, start, start.fit, STRETCH_PERIODS)
     if isinstance(fit, NoModel):
         return NoModel((*objections, *(one for one in fit.findings if one not in objections)))
-    near = fit_approximation(fit, start.penalty, objections)
-    if isinstance(near, NoModel):
-        return near
-    if start.problem.inputs and near.status == "approximate":
-        run = attempt(fit_free_runs, fit.record, near, start.penalty, objections)
+    approximation = fit_approximation(fit, start.penalty, objections)
+    if isinstance(approximation, NoModel):
+        return approximation
+    if start.problem.inputs and approximation.status == "approximate":
+        run = attempt(fit_free_runs, fit.record, approximation, start.penalty, objections)
         if isinstance(run, IdentifiedModel):
-            return prepend_path(["approximation", str(near.diagnostics["path"])], run)
-    return prepend_path(["approximation"], near)
+            return prepend_path(["approximation", str(approximation.diagnostics["path"])], run)
+    return prepend_path(["approximation"], approximation)
 
 
 def _find_late_inputs(start: Start) -> list[Finding]:

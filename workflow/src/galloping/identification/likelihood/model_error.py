@@ -191,19 +191,19 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation |
     jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
     colour = ""
-    fitted: tuple[StretchFit, list[Approximation]] | NoModel = NoModel()
+    outcome: tuple[StretchFit, list[Approximation]] | NoModel = NoModel()
     for name, misfit_of in (("coloured", coloured_misfit), ("white", white_misfit)):
-        tried = attempt(_fit_with_misfit, first, misfit_of, penalty)
-        if not isinstance(tried, NoModel):
-            colour, fitted = name, tried
-            if max(each.forecast_r2 for each in tried[1]) > 0.0 or is_exhausted():
+        trial = attempt(_fit_with_misfit, first, misfit_of, penalty)
+        if not isinstance(trial, NoModel):
+            colour, outcome = name, trial
+            if max(each.forecast_r2 for each in trial[1]) > 0.0 or is_exhausted():
                 break
-        elif isinstance(fitted, NoModel):
-            fitted = tried
-    if isinstance(fitted, NoModel):
-        return fitted
-    whole, approximations = fitted
-    best = _fit_fluctuating(whole, penalty) or _choose_smallest(approximations)
+        elif isinstance(outcome, NoModel):
+            outcome = trial
+    if isinstance(outcome, NoModel):
+        return outcome
+    stretch_fit, approximations = outcome
+    best = _fit_fluctuating(stretch_fit, penalty) or _choose_smallest(approximations)
     return replace(best, path=(f"{colour} misfit", *best.path))
 
 

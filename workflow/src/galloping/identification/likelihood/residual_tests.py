@@ -97,19 +97,19 @@ def diagnose_residuals(
         for o in range(residual.shape[1]):
             series = residual[a:b, o, 0]
             sampled = np.count_nonzero(series)
-            exact = np.linalg.norm(series) < MIN_RESIDUAL * np.linalg.norm(
+            is_exact = np.linalg.norm(series) < MIN_RESIDUAL * np.linalg.norm(
                 condensed.motion[a:b, o, 0]
             )
-            if b - a < 4 * NEIGHBOUR_BINS or sampled < NEIGHBOUR_BINS or exact:
+            if b - a < 4 * NEIGHBOUR_BINS or sampled < NEIGHBOUR_BINS or is_exact:
                 continue
             power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled
-            below = np.arange(1, len(power) + 1) / (b - a) < limit
-            band_power[r, o] = power[below].mean()
-            rise = power[below].mean() - power[~below].mean()
-            excess[r, o] = 2.0 * below.sum() * max(rise, 0.0)
-            low.append(power[below].sum() / power.mean())
-            high.append(power[~below].sum() / power.mean())
-            bins += below.sum(), (~below).sum()
+            is_low = np.arange(1, len(power) + 1) / (b - a) < limit
+            band_power[r, o] = power[is_low].mean()
+            rise = power[is_low].mean() - power[~is_low].mean()
+            excess[r, o] = 2.0 * is_low.sum() * max(rise, 0.0)
+            low.append(power[is_low].sum() / power.mean())
+            high.append(power[~is_low].sum() / power.mean())
+            bins += is_low.sum(), (~is_low).sum()
             peak, place = _highest_peak(power)
             lines.append((peak, place / ((b - a) * condensed.step), o, place))
     band, band_allowed = np.nan, np.nan
@@ -133,14 +133,14 @@ def _chi2_inside(
     """Compute chi^2 per degree of freedom against the noise inside windows, and its limit."""
     squares = condensed.sum_squares(residual)
     spare = np.where(condensed.is_known, np.inf, condensed.counts - condensed.rows)
-    measured = condensed.has_noise_estimate
-    if not np.any(measured):
+    has_noise = condensed.has_noise_estimate
+    if not np.any(has_noise):
         return np.nan, np.nan
-    inside = np.maximum(condensed.noise_variance[measured], np.finfo(float).tiny)
+    variance = np.maximum(condensed.noise_variance[has_noise], np.finfo(float).tiny)
     share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
-    freedom = np.maximum(condensed.rows[measured] - share, 1.0)
-    spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[measured]))
-    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), _max_mean_square(spread)
+    freedom = np.maximum(condensed.rows[has_noise] - share, 1.0)
+    spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[has_noise]))
+    return float(np.sum(squares[has_noise] / variance) / np.sum(freedom)), _max_mean_square(spread)
 
 
 def _max_mean_square(spread: float) -> float:

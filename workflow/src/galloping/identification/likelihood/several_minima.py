@@ -93,13 +93,13 @@ def _descend_chi2(fit: ShootingFit) -> Step:
         starts, share, better = quadratic.move_states(change), 1.0, None
         for _ in range(7):  # halvings of the step
             trial = replace(fit, free=fit.free + share * change, starts=fit.starts + share * starts)
-            tried = attempt(_match_segments, trial)
-            if not isinstance(tried, NoModel) and tried.chi2 < fit.chi2:
-                better = tried
+            outcome = attempt(_match_segments, trial)
+            if not isinstance(outcome, NoModel) and outcome.chi2 < fit.chi2:
+                better = outcome
                 break
             share /= 2.0
         fall = 0.0 if better is None else fit.chi2 - better.chi2
-        before, fit = fit, better or fit
+        previous_fit, fit = fit, better or fit
         if fall < DECREMENT_TOLERANCE or is_exhausted():
             break
     quadratic, change = _quadratic_model(fit)
@@ -107,7 +107,9 @@ def _descend_chi2(fit: ShootingFit) -> Step:
     right = quadratic.right
     if decrement > DECREMENT_TOLERANCE:  # at a kink
         right = right - quadratic.information @ change
-    return Step(quadratic.information, right, before, fit, decrement, float(quadratic.gap.max()))
+    return Step(
+        quadratic.information, right, previous_fit, fit, decrement, float(quadratic.gap.max())
+    )
 
 
 def _quadratic_model(fit: ShootingFit) -> tuple[Eliminated, np.ndarray]:
@@ -144,10 +146,10 @@ def _draw_fits(fit: ShootingFit) -> list[ShootingFit]:
     fits = []
     for change in changes:
         starts = quadratic.move_states(change, step.fit.starts)
-        drawn = replace(fit, free=free + change, starts=starts)
-        tried = attempt(_match_segments, drawn)
-        if not isinstance(tried, NoModel):
-            fits.append(tried)
+        trial = replace(fit, free=free + change, starts=starts)
+        outcome = attempt(_match_segments, trial)
+        if not isinstance(outcome, NoModel):
+            fits.append(outcome)
     return sorted(fits, key=lambda each: each.chi2)[:3]
 
 
@@ -165,21 +167,21 @@ def _fit_while_moving(fit: ShootingFit) -> ShootingFit | None:
         is_still &= np.append(is_still[1:], True)
         turns = np.flatnonzero(argument[:-1] * argument[1:] < 0.0)
         for begin in np.flatnonzero(is_still & ~np.append(False, is_still[:-1])):
-            before = turns[turns < begin]
-            if len(before) >= SWING_TURNS:
-                is_still[before[-SWING_TURNS] : begin] = True
+            turns_before = turns[turns < begin]
+            if len(turns_before) >= SWING_TURNS:
+                is_still[turns_before[-SWING_TURNS] : begin] = True
         stuck |= is_still
-    shown, samples = condensed.is_present.any(axis=(1, 2)), condensed.samples
-    few = np.sum(~stuck & shown) < 0.1 * np.sum(shown)
-    if samples is None or few or not np.any(stuck & shown):
+    is_shown, samples = condensed.is_present.any(axis=(1, 2)), condensed.samples
+    few = np.sum(~stuck & is_shown) < 0.1 * np.sum(is_shown)
+    if samples is None or few or not np.any(stuck & is_shown):
         return None
     functionals = np.where(stuck[:, None, None, None], 0.0, condensed.functionals)
     is_stuck = np.repeat(stuck, np.diff(samples.offsets))
-    cut = replace(
+    moving_data = replace(
         condensed,
         functionals=functionals,
         targets=np.where(stuck[:, None, None], 0.0, condensed.targets),
         samples=samples._replace(basis=np.where(is_stuck[:, None, None], 0.0, samples.basis)),
         rows=np.add.reduceat(functionals.any(axis=3).sum(axis=2), condensed.first[:-1]),
     )
-    return replace(fit, record=replace(record, condensed=cut))
+    return replace(fit, record=replace(record, condensed=moving_data))

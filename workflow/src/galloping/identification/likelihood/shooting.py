@@ -229,7 +229,7 @@ def linearise_segments(
     pairs = problem.candidates if pairs is None else pairs
     (count, n_states), direct = starts.shape, 0 if columns is None else columns.shape[3]
     n, m = len(pairs) + direct, n_states + len(repeated)
-    kept, fold = np.empty((count, m, n + m + 1)), np.arange(count) * n_folds // count
+    state_rows, fold = np.empty((count, m, n + m + 1)), np.arange(count) * n_folds // count
     information, right = np.zeros((n_folds + 1, n, n)), np.zeros((n_folds + 1, n))
     residual, ends = np.empty(targets.shape), np.empty(starts.shape)
     slopes = np.zeros((*starts.shape, n + n_states))
@@ -246,7 +246,7 @@ def linearise_segments(
         rows = np.concatenate([rows, rows[..., list(repeated)], group_residual[..., None]], axis=3)
         rows = np.ascontiguousarray(whiten(rows, windows)).reshape(-1, n + m + 1)
         first = record.segments.first[group.start : group.stop + 1] - windows.start
-        kept[group], others = separate_states(rows, first * group_residual[0].size, n)
+        state_rows[group], others = separate_states(rows, first * group_residual[0].size, n)
         k = fold[group.start]
         information[k] += others[:, :n].T @ others[:, :n]
         right[k] += others[:, -1] @ others[:, :n]
@@ -258,7 +258,7 @@ def linearise_segments(
     known = np.arange(len(pairs))
     information[-1, known, known] = precision
     right[-1, known] = precision * (expected - values)
-    return Linearised(starts, kept, fold, information, right, residual, ends, slopes)
+    return Linearised(starts, state_rows, fold, information, right, residual, ends, slopes)
 
 
 @dataclass(frozen=True)

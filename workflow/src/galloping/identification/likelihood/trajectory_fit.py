@@ -136,14 +136,14 @@ def follows_in_segments(start: Start) -> bool:
 
 def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None:
     """Iterate over free segments; None if they determine no combination of terms."""
-    before = fit
+    previous_fit = fit
     # with three steps fewer models are `ok` (docs/identification_parts.csv); after the last step
     # segments are joined, however bad the fit
     for _ in range(5):
-        step = take_step(before, fit, 1, None)
+        step = take_step(previous_fit, fit, 1, None)
         if n_unidentifiable_directions(step.information, largest) == len(largest):
             return None
-        before, fit = step.before, step.fit
+        previous_fit, fit = step.before, step.fit
         if fit.misfit < CLOSE_MISFIT:
             break
     return step

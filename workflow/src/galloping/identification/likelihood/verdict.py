@@ -181,7 +181,7 @@ def assess_approximation(
 
 def _draw_rivals(problem: Problem, regression: Regression, posterior: Plausible) -> dict[str, Any]:
     """Draw models of rival supports, as fields of a result; none if less likely than MISS_RATE."""
-    rng, weights, drawn = np.random.default_rng(0), posterior.weight[1:], []
+    rng, weights, rivals = np.random.default_rng(0), posterior.weight[1:], []
     share = float(weights.sum())
     if share < MISS_RATE:
         return {}
@@ -191,8 +191,8 @@ def _draw_rivals(problem: Problem, regression: Regression, posterior: Plausible)
         right = regression.right + regression.information @ (regression.origin - free)
         change, covariance = solve_support(regression.information, right, support)
         free[support] += draw_normal(change[support], covariance, 1, rng)[0]
-        drawn.append(problem.coefficients(free))
-    return {"rivals": np.array(drawn), "rival_share": share}
+        rivals.append(problem.coefficients(free))
+    return {"rivals": np.array(rivals), "rival_share": share}
 
 
 def find_beyond_bounds(

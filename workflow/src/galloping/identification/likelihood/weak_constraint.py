@@ -109,15 +109,17 @@ class StretchFit:
             whitened, n, recording = np.zeros(rows.shape), len(rows), owner[windows.start]
             count_work(1.5e-10 * len(lags) * rows.size)
             for o, k in np.ndindex(rows.shape[1:3]):
-                kept = np.flatnonzero(is_present[windows, o, k])
-                if not len(kept):  # without rows LAPACK would print a message
+                indices = np.flatnonzero(is_present[windows, o, k])
+                if not len(indices):  # without rows LAPACK would print a message
                     continue
                 factor = factors[recording, o, k, :n, :n]
-                if len(kept) < n:
-                    factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(kept, kept)])
+                if len(indices) < n:
+                    factor = np.linalg.cholesky(
+                        covariance[recording, o, k][np.ix_(indices, indices)]
+                    )
                 # `scipy.linalg.solve_triangular` takes three times as long for so few rows
-                solved, _ = lapack.dtrtrs(factor.T, rows[kept, o, k], lower=0, trans=1)
-                whitened[kept, o, k] = solved
+                solved, _ = lapack.dtrtrs(factor.T, rows[indices, o, k], lower=0, trans=1)
+                whitened[indices, o, k] = solved
             return whitened
 
         return whiten_rows

@@ -63,8 +63,8 @@ def weak_gls(
     problem = validated_problem(recordings, terms, known, known_states)
 
     def search_model() -> IdentifiedModel:
-        used = segments_with_inputs(recordings, problem.inputs)
-        guess = start or make_start(problem, used)
+        segments = segments_with_inputs(recordings, problem.inputs)
+        guess = start or make_start(problem, segments)
         fit, inflation = guess.fit, max(guess.fit.misfit, 1.0)
         if fit.misfit >= MAX_WEAK_MISFIT:
             raise IdentificationError(Code.WEAK_MISFIT, misfit=fit.misfit)
@@ -81,7 +81,7 @@ def weak_gls(
             sigma=np.array([one.noise for one in guess.smoothed]),
             chi2=fit.misfit,
         )
-        return add_alias_rivals(problem, add_input_errors(identified, recordings, used))
+        return add_alias_rivals(problem, add_input_errors(identified, recordings, segments))
 
     outcome = attempt(search_model)
     return refused_model(problem, outcome.findings) if isinstance(outcome, NoModel) else outcome
