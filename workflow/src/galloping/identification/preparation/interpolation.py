@@ -35,26 +35,28 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
     present interpolation, unless an alternative removes the share MIN_MISFIT_FALL of the misfit
     beyond the noise, and more than the penalty of a term.
     """
-    chosen = {
+    interpolations = {
         name: recordings[0].inputs[name].between
         for name in problem.inputs
         if any(one.inputs[name].alternatives for one in recordings)
     }
-    if not chosen:
+    if not interpolations:
         return {}
     try:
-        used = segments_with_inputs(list(recordings), problem.inputs)
-        cleaned, smoothed, _ = prepare_recordings(used)
+        segments = segments_with_inputs(list(recordings), problem.inputs)
+        cleaned, smoothed, _ = prepare_recordings(segments)
     except NO_MODEL_ERRORS:
-        return chosen
+        return interpolations
     penalty = 2.0 * np.log(sum(one.samples for one in cleaned))
-    for name, present in chosen.items():
+    for name, present in interpolations.items():
         fits = {}
-        given = (each.between for one in recordings for each in one.inputs[name].alternatives)
-        for kind in dict.fromkeys((present, *given)):
+        alternatives = (
+            each.between for one in recordings for each in one.inputs[name].alternatives
+        )
+        for kind in dict.fromkeys((present, *alternatives)):
             curves = [
-                _with_inputs(one, curve, problem, {**chosen, name: kind})
-                for one, curve in zip(used, smoothed, strict=True)
+                _with_inputs(one, curve, problem, {**interpolations, name: kind})
+                for one, curve in zip(segments, smoothed, strict=True)
             ]
             with suppress(*NO_MODEL_ERRORS):
                 fits[kind] = weak_fit(problem, curves, penalty)
@@ -63,8 +65,8 @@ def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> di
             least = max(penalty / fit.rows, MIN_MISFIT_FALL * (fit.misfit - 1.0))
             if fit.misfit - fits[best].misfit <= least:
                 continue
-        chosen[name] = best
-    return chosen
+        interpolations[name] = best
+    return interpolations
 
 
 def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:

@@ -107,18 +107,18 @@ def without_offsets(
     unknown = given.unknown_offsets
     for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
         # near the ends of stretches, slopes are inaccurate for a period, integrals for three
-        inside = from_ends > (3.0 if k in integrated else 1.0) * period * (1.0 + TIME_ROUNDING)
+        is_inner = from_ends > (3.0 if k in integrated else 1.0) * period * (1.0 + TIME_ROUNDING)
         if unknown is not None and unknown[k]:
-            good = inside & np.isfinite(difference[:, k])
+            good = is_inner & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):
                 raise IdentificationError(Code.OFFSET_UNDETERMINED, recording.states[k])
-            fitted = slow @ np.linalg.lstsq(slow[good], difference[good, k], rcond=None)[0]
-            rates[:, k] -= fitted
-            difference[:, k] -= fitted
-        good = inside & np.isfinite(difference[:, k])
+            drift = slow @ np.linalg.lstsq(slow[good], difference[good, k], rcond=None)[0]
+            rates[:, k] -= drift
+            difference[:, k] -= drift
+        good = is_inner & np.isfinite(difference[:, k])
         # eight robust deviations, instead of 5.5 for samples: slopes are rougher than the curve
         limit = 8.0 * _robust_deviation(difference[good, k : k + 1])[0]
-        rates[inside & (np.abs(difference[:, k]) > limit), k] = np.nan
+        rates[is_inner & (np.abs(difference[:, k]) > limit), k] = np.nan
     return replace(recording, rates=rates)
 
 

@@ -167,7 +167,7 @@ def _fit_curve(
     """
     start, duration = recording.time[0], recording.time[-1] - recording.time[0]
     spacing, channels = duration / pieces, np.arange(len(curve))
-    place = (recording.time - start) / spacing
+    positions = (recording.time - start) / spacing
     values = np.ascontiguousarray(recording.values[:, curve])
     good = np.isfinite(values)
     count = good.sum(axis=0)
@@ -181,7 +181,7 @@ def _fit_curve(
     for _ in range(1 if len(curve) == 1 else 3):
         bands = np.zeros((SPLINE_DEGREE + 1, pieces + SPLINE_DEGREE))
         right = np.zeros(pieces + SPLINE_DEGREE)
-        _accumulate(place, values, 1.0 / noise**2, spacing, basis, bands, right)
+        _accumulate(positions, values, 1.0 / noise**2, spacing, basis, bands, right)
         stiffness = count / noise**2 / spacing ** (2 * channels)
         # this closes gaps without changing curves: with twice and half as much, three models change
         # by less than 1e-3 of their errors
@@ -191,9 +191,9 @@ def _fit_curve(
         except np.linalg.LinAlgError as error:
             raise IdentificationError(Code.GAPS, recording.states[curve[0]]) from error
         for k in np.flatnonzero(count):
-            known = good[:, k]
-            curve_there = _evaluate_spline(place[known], coefficients, k, spacing, basis)
-            gap = residual[known, k] = values[known, k] - curve_there
+            is_known = good[:, k]
+            curve_there = _evaluate_spline(positions[is_known], coefficients, k, spacing, basis)
+            gap = residual[is_known, k] = values[is_known, k] - curve_there
             share = (pieces + SPLINE_DEGREE) / (count > 0).sum()
             # degrees of freedom are at least a fifth of the samples, as in `trajectory_fit`
             deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))

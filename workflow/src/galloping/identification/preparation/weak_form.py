@@ -344,22 +344,22 @@ def delayed_inputs(start: Start) -> dict[str, float]:
     coefficients, delays = problem.coefficients(start.fit.free), {}
 
     def misfit_of_delay(k: int, delay: float) -> tuple[float, int]:
-        shifted = []
+        shifted_curves = []
         for recording, one in zip(start.recordings, start.smoothed, strict=True):
             inputs, delayed = one.inputs.copy(), recording.inputs[problem.inputs[k]]
             time = one.time + delay
-            known = inputs_on_grid([delayed], time)[:, 0]
-            inputs[:, k] = np.where(np.isnan(known), evaluate_extended(delayed, time), known)
-            shifted.append(replace(one, inputs=inputs))
-        information, right, total, rows = _normal_equations(problem, shifted, coefficients)
+            values = inputs_on_grid([delayed], time)[:, 0]
+            inputs[:, k] = np.where(np.isnan(values), evaluate_extended(delayed, time), values)
+            shifted_curves.append(replace(one, inputs=inputs))
+        information, right, total, rows = _normal_equations(problem, shifted_curves, coefficients)
         return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows
 
     for k, name in enumerate(problem.inputs):
         (now, rows), best, step = misfit_of_delay(k, 0.0), 0.0, start.period / 2.0
         for reach in (8, 1, 1, 1, 1):
-            tried = best + step * np.arange(-reach, reach + 1)
-            misfits = [misfit_of_delay(k, delay)[0] for delay in tried]
-            best, step = float(tried[np.argmin(misfits)]), step / 2.0
+            trial_delays = best + step * np.arange(-reach, reach + 1)
+            misfits = [misfit_of_delay(k, delay)[0] for delay in trial_delays]
+            best, step = float(trial_delays[np.argmin(misfits)]), step / 2.0
         if now - min(misfits) > max(start.penalty, (now - rows + n) / 2.0):
             delays[name] = best
     return delays
