@@ -50,29 +50,35 @@ Fit = Callable[[ModeSelection], Outcome]
 
 
 def fit_random_forces(
-    problem: Problem, given: list[Recording], forced: Sequence[str]
+    problem: Problem, raw_recordings: list[Recording], forced: Sequence[str]
 ) -> IdentifiedModel:
     """Identify the equations of a system that is driven by unmeasured random forces.
 
-    given: unprocessed. forced: names of the coordinates or states in whose equations a force acts;
-    empty for all equations that are sought. If there are more modes than coordinates, the model has
-    the slowest modes, and a finding says what was left out. Its status is `ok`, `approximate` if
-    the innovations are not white, or `refused`. The covariance of the forces is in `forces`. Raises
-    ValueError for an unknown name.
+    raw_recordings: unprocessed. forced: names of the coordinates or states in whose equations a
+    force acts; empty for all equations that are sought. If there are more modes than coordinates,
+    the model has the slowest modes, and a finding says what was left out. Its status is `ok`,
+    `approximate` if the innovations are not white, or `refused`. The covariance of the forces is in
+    `forces`. Raises ValueError for an unknown name.
     """
     fit = partial(_identify_selection, problem, forced=forced_equations(problem, forced))
 
     def search() -> Outcome:
-        recordings = segments_with_inputs(given, problem.inputs)
+        recordings = segments_with_inputs(raw_recordings, problem.inputs)
         with limit_work(recordings) as work:
             cleaned, _, period = prepare_recordings(recordings)
-            whole, selected = _search_modes(SeveralModes(cleaned, period), fit, fit, True)
-            models = [each for each in (whole, selected) if isinstance(each, IdentifiedModel)]
-            outcome = _best_model(models) or whole
+            whole_model, selection_model = _search_modes(
+                SeveralModes(cleaned, period), fit, fit, True
+            )
+            models = [
+                each for each in (whole_model, selection_model) if isinstance(each, IdentifiedModel)
+            ]
+            outcome = _best_model(models) or whole_model
         if isinstance(outcome, NoModel):
             return outcome
         return add_input_errors(
-            check_prior_conflict(problem, work.downgrade_if_cut_short(outcome)), given, recordings
+            check_prior_conflict(problem, work.downgrade_if_cut_short(outcome)),
+            raw_recordings,
+            recordings,
         )
 
     outcome = attempt(search)
@@ -112,17 +118,17 @@ def _search_modes(
     the model of the whole recordings, and the best one of selected modes; the first is `ok` if
     there is such a model.
     """
-    selected = _best_model(_identify_selections(several.slowest(), fit_roughly))
-    if _is_ok(selected):
-        return selected, selected
-    whole = fit(several.whole)
-    if _is_ok(whole):
-        return _with_overlapping_modes(whole, several, fit), selected
+    selection_model = _best_model(_identify_selections(several.slowest(), fit_roughly))
+    if _is_ok(selection_model):
+        return selection_model, selection_model
+    whole_model = fit(several.whole)
+    if _is_ok(whole_model):
+        return _with_overlapping_modes(whole_model, several, fit), selection_model
     if may_be_more:
         others = chain(several.more(), several.slowest(CLOSE_RATIOS))
-        known = [selected] if selected else []
-        selected = _best_model(chain(known, _identify_selections(others, fit_roughly)))
-    return selected if _is_ok(selected) else whole, selected
+        models = [selection_model] if selection_model else []
+        selection_model = _best_model(chain(models, _identify_selections(others, fit_roughly)))
+    return selection_model if _is_ok(selection_model) else whole_model, selection_model
 
 
 def _identify_selections(
@@ -212,12 +218,12 @@ def try_random_forces(
     several = SeveralModes(recordings, period)
     fit = partial(_fit_on_trial, problem)
     fluctuates = amplitude_fluctuates(recordings, period)
-    whole, selected = _search_modes(
+    whole_model, selection_model = _search_modes(
         several, fit, partial(fit, as_fallback=True), bool(several.channels.rates) or fluctuates
     )
-    if isinstance(whole, IdentifiedModel):
-        return whole, True
-    return (selected if fluctuates else None), False
+    if isinstance(whole_model, IdentifiedModel):
+        return whole_model, True
+    return (selection_model if fluctuates else None), False
 
 
 def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool = False) -> Outcome:

@@ -229,71 +229,71 @@ def maximise_likelihood(
 
     vector = parameters.to_vector(model)
     step = np.full(len(vector), FIRST_STEP)
-    here, damping = filter_with(vector), MIN_STEP_DAMPING
-    if not np.isfinite(here.log_likelihood):
-        if here.objection:
-            raise NotConvergedError.from_finding(here.objection)
+    run, damping = filter_with(vector), MIN_STEP_DAMPING
+    if not np.isfinite(run.log_likelihood):
+        if run.objection:
+            raise NotConvergedError.from_finding(run.objection)
         raise FloatingPointError("the filter of its start loses all digits")
-    slopes = _difference_innovations(filter_with, vector, here, step)
+    slopes = _difference_innovations(filter_with, vector, run, step)
     first = slopes[parameters.slices["coefficients"]]
     is_determined = np.einsum("ijk,ijk->i", first, first) > MIN_INFORMATION
     if not is_determined.all():  # accelerations, for example, do not determine the equilibrium
-        kept = support.copy()
-        kept[support] = is_determined
-        return maximise_likelihood(setup, model, kept, correlated)
+        determined_support = support.copy()
+        determined_support[support] = is_determined
+        return maximise_likelihood(setup, model, determined_support, correlated)
     is_exact = True  # whether the slopes are differences at `vector`, not estimates
     for _ in range(MAX_STEPS):
         passing("fit random forces")
-        information, score = fisher_information(slopes), likelihood_score(slopes, here)
+        information, score = fisher_information(slopes), likelihood_score(slopes, run)
         scale = np.diag(information)
         step = STEP / np.sqrt(scale)
         for _ in range(MAX_STEP_TRIALS if is_exact else 1):
             change = np.linalg.solve(information + damping * np.diag(scale), score)
             with np.errstate(all="ignore"):  # a step may be too long
-                tried = filter_with(vector + change)
-                is_better = tried.log_likelihood >= here.log_likelihood
+                trial_run = filter_with(vector + change)
+                is_better = trial_run.log_likelihood >= run.log_likelihood
             if is_better:
                 break
             damping *= 8.0
         has_converged = not is_better or 0.5 * score @ change < LIKELIHOOD_TOLERANCE
         if has_converged and not is_exact:
-            slopes, is_exact = _difference_innovations(filter_with, vector, here, step), True
+            slopes, is_exact = _difference_innovations(filter_with, vector, run, step), True
             continue
         if is_better and not has_converged:
-            slopes = _update_slopes(slopes, change, scale, here, tried)
+            slopes = _update_slopes(slopes, change, scale, run, trial_run)
             is_exact = False
         if is_better:
-            vector, here, damping = vector + change, tried, max(damping / 16.0, MIN_STEP_DAMPING)
+            vector, run, damping = vector + change, trial_run, max(damping / 16.0, MIN_STEP_DAMPING)
         if has_converged or is_exhausted():
             break
     if not is_exact:
-        slopes = _difference_innovations(filter_with, vector, here, step)
-    return ForcedFit(parameters, parameters.to_model(vector), here, slopes)
+        slopes = _difference_innovations(filter_with, vector, run, step)
+    return ForcedFit(parameters, parameters.to_model(vector), run, slopes)
 
 
 def _update_slopes(
     slopes: np.ndarray,
     change: np.ndarray,
     scale: np.ndarray,
-    before: Innovations,
-    after: Innovations,
+    run_before: Innovations,
+    run_after: Innovations,
 ) -> np.ndarray:
     """Update the slopes of the innovations by their differences along a step.
 
     It is the least change of the slopes that gives these differences (C. G. Broyden, 1965), in
     units of the parameters' standard errors. It needs a tenth of the filter runs of differences by
-    every parameter. change: the step. scale: (n_parameters,) diagonal of the information. before,
-    after: the innovations at both ends of the step.
+    every parameter. change: the step. scale: (n_parameters,) diagonal of the information.
+    run_before, run_after: the innovations at both ends of the step.
     """
-    known = np.isfinite(before.innovations)
-    root = np.sqrt(after.variances[known])
+    is_known = np.isfinite(run_before.innovations)
+    root = np.sqrt(run_after.variances[is_known])
     slopes = slopes.copy()
-    slopes[:, 0] *= np.sqrt(before.variances[known]) / root
-    moved = np.stack([
-        (after.innovations - before.innovations)[known] / root,
-        np.log(after.variances[known] / before.variances[known]) / np.sqrt(2.0),
+    slopes[:, 0] *= np.sqrt(run_before.variances[is_known]) / root
+    differences = np.stack([
+        (run_after.innovations - run_before.innovations)[is_known] / root,
+        np.log(run_after.variances[is_known] / run_before.variances[is_known]) / np.sqrt(2.0),
     ])  # fmt: skip
-    missed = moved - np.tensordot(change, slopes, 1)
+    missed = differences - np.tensordot(change, slopes, 1)
     weighted = scale * change
     return slopes + (weighted / (weighted @ change))[:, np.newaxis, np.newaxis] * missed
 
@@ -301,21 +301,23 @@ def _update_slopes(
 def _difference_innovations(
     filter_with: Callable[[np.ndarray], Innovations],
     vector: np.ndarray,
-    here: Innovations,
+    run: Innovations,
     step: np.ndarray,
 ) -> np.ndarray:
-    known = np.isfinite(here.innovations)
-    root = np.sqrt(here.variances[known])
+    is_known = np.isfinite(run.innovations)
+    root = np.sqrt(run.variances[is_known])
     slopes = np.empty((len(vector), 2, len(root)))
     for j, h in enumerate(step):
         unit = np.zeros(len(vector))
         unit[j] = h
-        moved = filter_with(vector + unit)
-        if moved.objection:
-            raise NotConvergedError.from_finding(moved.objection)
+        shifted_run = filter_with(vector + unit)
+        if shifted_run.objection:
+            raise NotConvergedError.from_finding(shifted_run.objection)
         with np.errstate(all="ignore"):  # a variance may not be positive
-            slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
-            slopes[j, 1] = np.log(moved.variances[known] / here.variances[known]) / h / np.sqrt(2.0)
+            slopes[j, 0] = (shifted_run.innovations - run.innovations)[is_known] / h / root
+            slopes[j, 1] = (
+                np.log(shifted_run.variances[is_known] / run.variances[is_known]) / h / np.sqrt(2.0)
+            )
     if not np.isfinite(slopes).all():
         raise FloatingPointError("the likelihood has no slope where the filter loses all digits")
     return slopes

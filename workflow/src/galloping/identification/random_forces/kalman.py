@@ -153,9 +153,9 @@ def tabulate_monomial_derivatives(exponents: np.ndarray, n_states: int) -> np.nd
     """
     by_state = differentiate_terms(tuple(map(tuple, exponents.tolist())), n_states)
     rows = [
-        (term, state, power, *left)
-        for state, own in enumerate(by_state)
-        for term, power, left in zip(*own, strict=True)
+        (term, state, power, *remainder)
+        for state, derivatives in enumerate(by_state)
+        for term, power, remainder in zip(*derivatives, strict=True)
     ]
     return np.array(rows, np.int64).reshape(-1, 3 + exponents.shape[1])
 

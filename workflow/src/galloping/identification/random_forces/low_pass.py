@@ -28,13 +28,13 @@ def apply_model_filter(identified: IdentifiedModel, recordings: list[Recording])
 
     Recordings are unchanged if there was no filter. Raises as `low_pass_recording`.
     """
-    below = float(identified.diagnostics.get("below", 0.0))
-    if not below:
+    cutoff = float(identified.diagnostics.get("below", 0.0))
+    if not cutoff:
         return recordings
-    filtered_step = (1.0 - TIME_ROUNDING) * _filtered_step(below)
+    filtered_step = (1.0 - TIME_ROUNDING) * _filtered_step(cutoff)
     if all(each.step > filtered_step for each in recordings):
         return recordings
-    return low_pass_recordings(recordings, below)
+    return low_pass_recordings(recordings, cutoff)
 
 
 def low_pass_recordings(recordings: list[Recording], below: float) -> list[Recording]:
@@ -53,9 +53,9 @@ def low_pass_recordings(recordings: list[Recording], below: float) -> list[Recor
     return filtered
 
 
-def _filtered_step(below: float) -> float:
+def _filtered_step(cutoff: float) -> float:
     """Compute the step between samples after the filter, s."""
-    return (1.0 + ROLL_OFF) / (2.0 * below)
+    return (1.0 + ROLL_OFF) / (2.0 * cutoff)
 
 
 def low_pass_recording(recording: Recording, below: float) -> Recording:
@@ -80,9 +80,9 @@ def low_pass_recording(recording: Recording, below: float) -> Recording:
     if recorded_step < step and not recording.exact:
         for k, i in np.ndindex(steps.shape):
             column = channels[k][:, i]
-            known = np.isfinite(column)
-            if known.sum() > 1:
-                samples = recording.time[known], column[known]
+            is_known = np.isfinite(column)
+            if is_known.sum() > 1:
+                samples = recording.time[is_known], column[is_known]
                 steps[k, i] = given_step = float(np.median(np.diff(samples[0])))
                 if given_step < step:
                     filtered[:, k, i] = _filter_channel(*samples, time, step, given_step)
@@ -115,11 +115,11 @@ def _filter_channel(
     whole = np.flatnonzero((first >= given_time[0]) & (begins[following] >= last))
     width = int(2.0 * FILTER_HALF_LENGTH * step / given_step) + 2
     for rows in np.array_split(whole, len(whole) // 256 + 1):  # parts that fit in the cache
-        near = np.searchsorted(grid, first[rows])[:, None] + np.arange(width)
-        inside = near < np.searchsorted(grid, last[rows])[:, None]
-        near = np.minimum(near, len(grid) - 1)
-        weights = inside * _root_raised_cosine((grid[near] - time[rows, None]) / step)
-        filtered[rows] = np.sum(weights * bridged[near], axis=1) / np.sum(weights, axis=1)
+        sample_indices = np.searchsorted(grid, first[rows])[:, None] + np.arange(width)
+        is_inside = sample_indices < np.searchsorted(grid, last[rows])[:, None]
+        sample_indices = np.minimum(sample_indices, len(grid) - 1)
+        weights = is_inside * _root_raised_cosine((grid[sample_indices] - time[rows, None]) / step)
+        filtered[rows] = np.sum(weights * bridged[sample_indices], axis=1) / np.sum(weights, axis=1)
     return filtered
 
 

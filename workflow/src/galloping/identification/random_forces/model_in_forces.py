@@ -180,7 +180,7 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
     return fit
 
 
-def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -> ForcedFit:
+def _with_chosen_terms(fit: ForcedFit, is_allowed: np.ndarray, noise: np.ndarray) -> ForcedFit:
     """Select terms from those allowed, (n_candidates,), and fit them.
 
     The fit itself is returned if it has the selected terms. Some terms that the data alone hardly
@@ -199,11 +199,12 @@ def _with_chosen_terms(fit: ForcedFit, allowed: np.ndarray, noise: np.ndarray) -
     is_cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
     prices = np.where(setup.required, 0.0, problem.least_prices(setup.penalty))
     information, right = fit.normal_equations
-    coefficients, support = fit.model.coefficients / unit, allowed.copy()
+    coefficients, support = fit.model.coefficients / unit, is_allowed.copy()
     offset = problem.selection_offset(fit.model.coefficients) / unit
-    support[allowed] = select_support(
-        information[np.ix_(allowed, allowed)], right[allowed],
-        [fit.support[allowed], np.ones(allowed.sum(), bool)], prices[allowed], offset[allowed],
+    support[is_allowed] = select_support(
+        information[np.ix_(is_allowed, is_allowed)], right[is_allowed],
+        [fit.support[is_allowed], np.ones(is_allowed.sum(), bool)], prices[is_allowed],
+        offset[is_allowed],
     )  # fmt: skip
     is_nonlinear = np.any(support & (problem.degrees > 1))
     support |= is_damping | (is_cubic & is_nonlinear)
@@ -223,10 +224,10 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
     affects every damping, even a term that is hardly determined by itself.
     """
     setup, problem, support = fit.setup, fit.setup.problem, fit.support.copy()
-    judged = support & setup.required & (problem.candidate_values(problem.precision) == 0.0)
+    is_tested = support & setup.required & (problem.candidate_values(problem.precision) == 0.0)
     coordinate_of = {velocity: i for i, velocity in setup.channels.pairs.items()}
     groups: dict[tuple[int, ...], list[int]] = {}
-    for k in np.flatnonzero(judged):
+    for k in np.flatnonzero(is_tested):
         equation, j = problem.candidates[k]
         state = next((s for s, e in enumerate(problem.state_exponents[j]) if e), None)
         if state is None:  # a constant is a group of its own
@@ -234,13 +235,13 @@ def _select_terms(fit: ForcedFit, penalty: float) -> np.ndarray:
         else:
             coordinates = tuple(sorted({coordinate_of[equation], coordinate_of.get(state, state)}))
         groups.setdefault(coordinates, []).append(int(k))
-    place = np.cumsum(support) - 1
+    positions = np.cumsum(support) - 1
     covariance = fit.coefficient_covariance
     free = fit.model.coefficients / setup.unit
     for coordinates, members in groups.items():
         if len(coordinates) == 1:
             continue
-        rows, is_constant = place[members], problem.degrees[members[0]] == 0
+        rows, is_constant = positions[members], problem.degrees[members[0]] == 0
         square = free[members] @ np.linalg.solve(covariance[np.ix_(rows, rows)], free[members])
         if square < (penalty if is_constant else chdtri(len(members), FALSE_COUPLING_RATE)):
             support[members] = False

@@ -154,23 +154,23 @@ class SeveralModes:
         step = max(each.step for each in self.recordings)
         fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # highest cut-off of a filter, Hz
         for k in counts:
-            for below in _filter_edges(self.modes, k, fastest, apart):
-                selection = attempt(self._select, k, below)
+            for cutoff in _filter_edges(self.modes, k, fastest, apart):
+                selection = attempt(self._select, k, cutoff)
                 if isinstance(selection, ModeSelection):
                     yield selection
 
-    def _select(self, k: int, below: float) -> ModeSelection | None:
-        """Select the slowest k modes, without what is faster than `below`, Hz."""
+    def _select(self, k: int, cutoff: float) -> ModeSelection | None:
+        """Select the slowest k modes, without what is faster than `cutoff`, Hz."""
         recordings, modes = self.recordings, self.modes
-        n_further, own = k - len(self.channels.pairs), tuple(modes[:k])
-        slow = low_pass_recordings(recordings, below)
+        n_further, frequencies = k - len(self.channels.pairs), tuple(modes[:k])
+        slow = low_pass_recordings(recordings, cutoff)
         period = prepare_recordings(slow)[2]
         if not amplitude_fluctuates(slow, period):  # such as a limit cycle without harmonics
             return None
-        before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
-        if k >= len(modes) and not (self.channels.rates or kept < MAX_KEPT_SHARE * before):
-            return ModeSelection(recordings, self.period, n_further, own)
-        return ModeSelection(slow, period, n_further, own, tuple(modes[k:]), below)
+        samples, kept_samples = (sum(len(one.time) for one in each) for each in (recordings, slow))
+        if k >= len(modes) and not (self.channels.rates or kept_samples < MAX_KEPT_SHARE * samples):
+            return ModeSelection(recordings, self.period, n_further, frequencies)
+        return ModeSelection(slow, period, n_further, frequencies, tuple(modes[k:]), cutoff)
 
 
 def may_have_split_mode(identified: IdentifiedModel) -> bool:
@@ -183,8 +183,8 @@ def may_have_split_mode(identified: IdentifiedModel) -> bool:
         return False
     names = ("innovations", "innovations_allowed", "innovations_line", "innovations_line_allowed")
     statistic, allowed, line, line_allowed = (float(identified.diagnostics[name]) for name in names)
-    beside = (each.damping for each in identified.resonances if each.is_mode)
-    return max(*_linear_modes(identified).damping, *beside) > MAX_SINGLE_DAMPING and (
+    dampings = (each.damping for each in identified.resonances if each.is_mode)
+    return max(*_linear_modes(identified).damping, *dampings) > MAX_SINGLE_DAMPING and (
         statistic > 0.5 * (1.0 + allowed) or line > MAX_SINGLE_LINE * line_allowed
     )
 

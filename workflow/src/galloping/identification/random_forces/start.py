@@ -117,11 +117,11 @@ def modes_from_correlations(
     place = np.arange(rows)
     hankel = correlation[place[:, None] + place].transpose(0, 2, 1, 3)
     left, size, right = np.linalg.svd(hankel.reshape(rows * channels, rows * channels))
-    observed = left[:, :order] * np.sqrt(size[:order])
-    transition = np.linalg.lstsq(observed[:-channels], observed[channels:], rcond=None)[0]
+    observability = left[:, :order] * np.sqrt(size[:order])
+    transition = np.linalg.lstsq(observability[:-channels], observability[channels:], rcond=None)[0]
     values, vectors = np.linalg.eig(transition)
     begins = np.linalg.inv(vectors) @ (np.sqrt(size[:order, None]) * right[:order, :channels])
-    shapes = observed[:channels] @ vectors
+    shapes = observability[:channels] @ vectors
     weight = np.linalg.norm(shapes, axis=0) * np.linalg.norm(begins, axis=1)
     rates = np.log(values.astype(complex)) / step
     oscillates = (rates.imag > 0) & (-rates.real < MAX_DAMPING_RATIO * np.abs(rates))
@@ -285,14 +285,14 @@ def estimate_strengths(
     n, many = power.shape
     is_recorded = power > 0.0
     response = channels.response(system, omega)[:, :, list(forced)]
-    moved = np.abs(response) ** 2
-    columns = list(moved.transpose(2, 0, 1))
+    power_gains = np.abs(response) ** 2
+    columns = list(power_gains.transpose(2, 0, 1))
     for (natural, damping), onto in zip(extra_modes.oscillators, extra_modes.onto, strict=True):
         stiffness = natural**2 - omega**2 + 2j * damping * natural * omega
         columns.append(np.abs(response @ onto / stiffness[:, np.newaxis]) ** 2)
     n_white = len(columns)
     if slow is not None:
-        columns += list((moved / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
+        columns += list((power_gains / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
     columns += [np.broadcast_to(unit, (n, many)) for unit in np.eye(many)]
     design = (np.array(columns)[:, is_recorded] / power[is_recorded]).T
     scale = np.linalg.norm(design, axis=0)

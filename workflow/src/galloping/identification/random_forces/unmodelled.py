@@ -51,17 +51,17 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
             omega > MIN_FREQUENCY_RATIO * main, np.maximum(velocity - leaks, 0.0), 0.0
         )
         peaks = 2.0 * np.pi * np.array(find_peaks(step, [grid[:, [channel]] for grid in grids]))
-        near = neighbour_slices(omega, peaks, PEAK_WIDTH)
-        powers = [faster[rows].sum() for rows in near]
-        named = sorted(zip(powers, peaks, strict=True))[-MAX_FREQUENCIES:]
-        if sum(peak_power for peak_power, _ in named) < MIN_POWER_SHARE * velocity.sum():
+        neighbours = neighbour_slices(omega, peaks, PEAK_WIDTH)
+        powers = [faster[rows].sum() for rows in neighbours]
+        named_peaks = sorted(zip(powers, peaks, strict=True))[-MAX_FREQUENCIES:]
+        if sum(peak_power for peak_power, _ in named_peaks) < MIN_POWER_SHARE * velocity.sum():
             continue
         findings += [
             Finding.of(
                 Code.MORE_MODES, channels.states[i], frequency_hz=peak / (2.0 * np.pi),
                 own_hz=main / (2.0 * np.pi),
             )
-            for peak_power, peak in sorted(named, key=itemgetter(1)) if peak_power > 0.0
+            for peak_power, peak in sorted(named_peaks, key=itemgetter(1)) if peak_power > 0.0
         ]  # fmt: skip
     return findings
 

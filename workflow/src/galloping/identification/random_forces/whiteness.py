@@ -182,16 +182,16 @@ def find_dependence(errors: np.ndarray, before: np.ndarray) -> int | None:
     tests, most, dependence = errors.shape[1] * before.shape[1], 0.0, None
     for k, column in enumerate(before.T):
         for error in errors.T:
-            known = np.isfinite(error) & np.isfinite(column)
-            if known.sum() < 10 * VALUE_GROUPS:
+            is_known = np.isfinite(error) & np.isfinite(column)
+            if is_known.sum() < 10 * VALUE_GROUPS:
                 continue
-            values, error = column[known], error[known]
+            values, error = column[is_known], error[is_known]
             edges = np.unique(np.quantile(values, np.arange(1, VALUE_GROUPS) / VALUE_GROUPS))
             group = np.searchsorted(edges, values, side="right")
             total, square = (np.bincount(group, error**power) for power in (1, 2))
-            used = square > 0.0
-            statistic = np.sum(total[used] ** 2 / square[used])
-            excess = statistic / chdtri(used.sum(), FALSE_ALARM_RATE / tests)
+            has_values = square > 0.0
+            statistic = np.sum(total[has_values] ** 2 / square[has_values])
+            excess = statistic / chdtri(has_values.sum(), FALSE_ALARM_RATE / tests)
             if excess > max(most, 1.0):
                 most, dependence = excess, k
     return dependence
@@ -208,8 +208,8 @@ def _find_peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]
         means = power[: groups * BINS_PER_GROUP].reshape(groups, BINS_PER_GROUP, -1).mean(axis=1)
         for k in range(groups):
             first = min(max(k - NEIGHBOURS // 2 - 1, 0), groups - NEIGHBOURS - 3)
-            near = [j for j in range(first, first + NEIGHBOURS + 3) if abs(j - k) > 1][:NEIGHBOURS]
-            ratio = means[k] / np.maximum(means[near].mean(axis=0), np.finfo(float).tiny)
+            rows = [j for j in range(first, first + NEIGHBOURS + 3) if abs(j - k) > 1][:NEIGHBOURS]
+            ratio = means[k] / np.maximum(means[rows].mean(axis=0), np.finfo(float).tiny)
             c = int(np.argmax(ratio))
             if ratio[c] > peak[0]:
                 middle = k * BINS_PER_GROUP + (BINS_PER_GROUP + 1) / 2
