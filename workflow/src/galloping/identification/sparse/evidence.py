@@ -79,7 +79,7 @@ def _fit_splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], n
     """
     n, channels = values.shape
     score, effective = np.full(channels, np.inf), np.zeros(channels, dtype=int)
-    chosen: dict[int, BSpline] = {}
+    splines: dict[int, BSpline] = {}
     for every in KNOT_SPACINGS:
         knots = _clamped_knots(time, every)
         p = len(knots) - DEGREE - 1
@@ -91,13 +91,13 @@ def _fit_splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], n
         coefficients = cho_solve_banded((bands, False), design.T @ values)
         gcv = n * np.sum((values - design @ coefficients) ** 2, axis=0) / (n - p) ** 2
         for channel in np.flatnonzero(gcv < score).tolist():
-            chosen[channel] = BSpline(knots, coefficients[:, channel], DEGREE)
+            splines[channel] = BSpline(knots, coefficients[:, channel], DEGREE)
             score[channel], effective[channel] = gcv[channel], p
         if np.all(gcv > STOP_SCORE_RATIO * score):
             break
     if not np.all(effective):
         raise IdentificationError(Code.RECORDING_SHORT, samples=n)
-    return [chosen[channel] for channel in range(channels)], effective
+    return [splines[channel] for channel in range(channels)], effective
 
 
 def _evaluate_splines(splines: list[BSpline], time: np.ndarray) -> np.ndarray:

@@ -41,12 +41,12 @@ def fit_normalised(
     """
     problem = evidence.tuned
     scaled = Scaled(*problem.triangle)
-    chosen, ridges = choose_thresholds(problem, threshold, path_length)
+    thresholds, ridges = choose_thresholds(problem, threshold, path_length)
     shares = np.zeros((len(scaled.scale), len(scaled.lengths)))
     for ridge in np.unique(ridges):
         rows = ridges == ridge
-        shares[rows] = fit(scaled.library, scaled.targets[:, rows], chosen[rows], ridge)
-    return problem.model(scaled.unscale(shares), chosen)
+        shares[rows] = fit(scaled.library, scaled.targets[:, rows], thresholds[rows], ridge)
+    return problem.model(scaled.unscale(shares), thresholds)
 
 
 def fit_raw(
@@ -66,16 +66,16 @@ def fit_raw(
     if threshold is None:
         largest = np.abs(np.linalg.lstsq(library, targets, rcond=None)[0]).max(axis=0)
         candidates = largest[:, np.newaxis] * threshold_path(path_length)
-        chosen = _scan_thresholds(library, targets, candidates, problem.observations)
+        thresholds = _scan_thresholds(library, targets, candidates, problem.observations)
     else:
-        chosen = np.full(targets.shape[1], threshold)
-    coefficients = fit(library, targets, chosen)
+        thresholds = np.full(targets.shape[1], threshold)
+    coefficients = fit(library, targets, thresholds)
     if kinematics == KNOWN:
         for rate, velocity in velocity_pairs(problem.states).items():
             coefficients[rate] = 0.0
             term = problem.terms.index(linear_term(velocity, len(coefficients)))
             coefficients[rate, term] = 1.0
-    return problem.model(coefficients, chosen)
+    return problem.model(coefficients, thresholds)
 
 
 def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:

@@ -86,10 +86,10 @@ def thresholded_supports(
     supports = np.ones((len(targets), moments.shape[-1]), dtype=bool)
     moving = np.arange(len(targets))
     while len(moving):
-        before = supports[moving]
-        coefficients = _solve(gram, moments, targets[moving], before)
-        supports[moving] = before & (np.abs(coefficients) * weights >= least[moving])
-        moving = moving[np.any(supports[moving] != before, axis=1)]
+        previous_supports = supports[moving]
+        coefficients = _solve(gram, moments, targets[moving], previous_supports)
+        supports[moving] = previous_supports & (np.abs(coefficients) * weights >= least[moving])
+        moving = moving[np.any(supports[moving] != previous_supports, axis=1)]
     return supports.reshape(*shape, -1)
 
 
@@ -102,26 +102,26 @@ def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.nda
     """
     f, m, p = moments.shape
     models = np.zeros((f, m, steps + 1, p))
-    taken = np.zeros((f, m, p), dtype=bool)
+    is_taken = np.zeros((f, m, p), dtype=bool)
     lengths = np.repeat(np.diagonal(grams, axis1=1, axis2=2)[:, np.newaxis], m, axis=1)
     # what each term adds to those before: its inner products with all terms, and its combination
     terms = np.concatenate([grams, np.broadcast_to(np.eye(p), grams.shape)], axis=2)
-    added = np.zeros((f, m, steps, 2 * p))
+    contributions = np.zeros((f, m, steps, 2 * p))
     rows, columns = np.ogrid[:f, :m]
     for step in range(steps):
         # a column that others explain, except for rounding, adds nothing
         gain = np.where(lengths > MIN_REMAINDER, moments**2 / np.maximum(lengths, MIN_REMAINDER), 0)
-        gain[taken] = 0
-        place = gain.argmax(axis=2)
-        best = rows, columns, place
+        gain[is_taken] = 0
+        term_index = gain.argmax(axis=2)
+        best = rows, columns, term_index
         size = np.sqrt(np.where(gain[best] > 0, lengths[best], np.inf))[..., np.newaxis]
-        known = added[rows, columns, :, place][..., np.newaxis, :] @ added
-        added[:, :, step] = (terms[rows, place] - known[..., 0, :]) / size
-        unit, combination = np.split(added[:, :, step], 2, axis=-1)
+        known = contributions[rows, columns, :, term_index][..., np.newaxis, :] @ contributions
+        contributions[:, :, step] = (terms[rows, term_index] - known[..., 0, :]) / size
+        unit, combination = np.split(contributions[:, :, step], 2, axis=-1)
         share = moments[best][..., np.newaxis] / size
         models[:, :, step + 1] = models[:, :, step] + share * combination
         moments, lengths = moments - share * unit, lengths - unit**2
-        taken[best] = True
+        is_taken[best] = True
     return models
 
 
