@@ -49,20 +49,20 @@ def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem
     n, aliases = len(problem.states), []
     powers = exponent_matrix(problem.terms, len(problem.names))[:, n:]
     values = _distinct_input_values(problem, recordings)
-    known = problem.precision > 0.0
+    has_prior = problem.precision > 0.0
     for equation, term, *_ in problem.bounds:
-        known[equation, problem.terms.index(term)] = True
+        has_prior[equation, problem.terms.index(term)] = True
     is_open = problem.open.copy()
     for equation in problem.unknown:
         groups: dict[Exponents, list[int]] = {}
-        for place in np.flatnonzero(problem.open[equation]).tolist():
-            term = problem.terms[place]
+        for index in np.flatnonzero(problem.open[equation]).tolist():
+            term = problem.terms[index]
             of_states = (*term[:n], *term[len(problem.names) :])
-            groups.setdefault(of_states, []).append(place)
+            groups.setdefault(of_states, []).append(index)
         for group in groups.values():
-            group.sort(key=lambda j: (not known[equation, j], *_complexity_key(powers[j])))
+            group.sort(key=lambda j: (not has_prior[equation, j], *_complexity_key(powers[j])))
             for j, combination in _find_combinations(group, powers[group], values):
-                if not known[equation, j]:
+                if not has_prior[equation, j]:
                     is_open[equation, j] = False
                     simpler = {problem.terms[k]: c for k, c in combination.items()}
                     aliases.append(Alias(equation, problem.terms[j], simpler))
@@ -95,21 +95,21 @@ def _find_combinations(
     factors: (n_places, n_inputs) powers. A product with an infinite value, of a division by zero,
     is no combination.
     """
-    kept: list[tuple[int, float]] = []
+    basis: list[tuple[int, float]] = []
     columns = np.empty((len(values), 0))
-    for place, powers in zip(places, factors.astype(float), strict=True):
+    for index, powers in zip(places, factors.astype(float), strict=True):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             column = np.prod(values**powers, axis=1)
         size = float(np.linalg.norm(column))
         if not np.isfinite(size) or size == 0.0:
             continue
         column = column / size
-        combination = np.linalg.lstsq(columns, column, rcond=None)[0] if kept else np.empty(0)
-        if np.linalg.norm(column - columns @ combination) < ROUNDING * np.sqrt(1 + len(kept)):
-            parts = zip(kept, combination, strict=True)
-            yield place, {k: float(c * size / unit) for (k, unit), c in parts if abs(c) > ROUNDING}
+        combination = np.linalg.lstsq(columns, column, rcond=None)[0] if basis else np.empty(0)
+        if np.linalg.norm(column - columns @ combination) < ROUNDING * np.sqrt(1 + len(basis)):
+            parts = zip(basis, combination, strict=True)
+            yield index, {k: float(c * size / unit) for (k, unit), c in parts if abs(c) > ROUNDING}
         else:
-            kept.append((place, size))
+            basis.append((index, size))
             columns = np.column_stack([columns, column])
 
 

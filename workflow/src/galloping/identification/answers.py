@@ -118,11 +118,11 @@ def add_input_errors(
     names = identified.model.inputs
     if not names or identified.status == "refused":
         return identified
-    samples, kept = (sum(one.samples for one in each) for each in (recordings, stretches))
-    diagnostics = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
+    samples, kept_samples = (sum(one.samples for one in each) for each in (recordings, stretches))
+    diagnostics = {**identified.diagnostics, "without_inputs_share": 1.0 - kept_samples / samples}
     places = np.argwhere(identified.support)
-    at = tuple(places.T)
-    added, sizes = np.zeros((len(places), len(places))), []
+    indices = tuple(places.T)
+    added_covariance, sizes = np.zeros((len(places), len(places))), []
     for k, name in enumerate(names, start=len(identified.model.states)):
         error = max(one.inputs[name].error for one in stretches)
         values = np.concatenate([one.inputs[name](one.time) for one in stretches])
@@ -131,15 +131,16 @@ def add_input_errors(
         ranges = zip(RANGE_SUFFIXES, map(float, ends), strict=True)
         diagnostics |= {f"{name}{end}": value for end, value in ranges}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
-        shift = error * power * identified.model.coefficients[at]
-        shift[identified.standard_errors[at] == 0.0] = 0.0  # fixed coefficients have no such error
-        added += np.outer(shift, shift)
+        shift = error * power * identified.model.coefficients[indices]
+        # fixed coefficients have no such error
+        shift[identified.standard_errors[indices] == 0.0] = 0.0
+        added_covariance += np.outer(shift, shift)
     wider: dict[str, Any] = {}
     if len(identified.covariance):
-        wider["covariance"] = identified.covariance + added
+        wider["covariance"] = identified.covariance + added_covariance
     for name in ("standard_errors", "unconditional_errors"):
         wider[name] = getattr(identified, name).copy()
-        wider[name][at] = np.hypot(wider[name][at], np.sqrt(np.diag(added)))
+        wider[name][indices] = np.hypot(wider[name][indices], np.sqrt(np.diag(added_covariance)))
     findings = find_weakly_determined_input_terms(identified, sizes, diagnostics)
     return replace(identified, diagnostics=diagnostics, **wider).with_findings(*findings)
 

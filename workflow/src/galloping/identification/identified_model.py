@@ -231,28 +231,28 @@ class IdentifiedModel(Immutable):
         _, merge = merge_inputs(self.model, values)
         support = replace(self, model=model).support
         old, new = np.argwhere(self.support), np.argwhere(support)
-        same = new[:, :1] == old[:, 0]
-        slope = np.where(same, merge[old[:, 1]][:, new[:, 1]].T, 0.0)
-        merged: dict[str, Any] = {name: np.full(support.shape, np.nan) for name in TERM_FIELDS}
-        merged["rivals"] = self.rivals @ merge
+        is_same_equation = new[:, :1] == old[:, 0]
+        slope = np.where(is_same_equation, merge[old[:, 1]][:, new[:, 1]].T, 0.0)
+        fields: dict[str, Any] = {name: np.full(support.shape, np.nan) for name in TERM_FIELDS}
+        fields["rivals"] = self.rivals @ merge
         if len(self.covariance):
-            merged["covariance"] = slope @ self.covariance @ slope.T
-            merged["standard_errors"][tuple(new.T)] = np.sqrt(np.diag(merged["covariance"]))
+            fields["covariance"] = slope @ self.covariance @ slope.T
+            fields["standard_errors"][tuple(new.T)] = np.sqrt(np.diag(fields["covariance"]))
         if len(self.extrapolation_shift):
-            merged["extrapolation_shift"] = slope @ self.extrapolation_shift
-            merged["extrapolation_covariance"] = slope @ self.extrapolation_covariance @ slope.T
+            fields["extrapolation_shift"] = slope @ self.extrapolation_shift
+            fields["extrapolation_covariance"] = slope @ self.extrapolation_covariance @ slope.T
         with np.errstate(invalid="ignore", divide="ignore"):
             wider = np.fmax(self.unconditional_errors / self.standard_errors, 1.0)
         for k, (i, j) in enumerate(new):
             ratio = np.max(wider[tuple(old[slope[k] != 0].T)], initial=1.0)
-            merged["unconditional_errors"][i, j] = ratio * merged["standard_errors"][i, j]
+            fields["unconditional_errors"][i, j] = ratio * fields["standard_errors"][i, j]
         for name in ("unconditional_errors", "detection_limits"):
             limits = getattr(self, name)
             absent = np.sqrt(np.nan_to_num(limits, posinf=0.0) ** 2 @ merge**2)
             absent[np.isinf(limits) @ (merge != 0.0)] = np.inf
-            stated = ~support & (absent > 0.0)
-            merged[name][stated] = absent[stated]
-        return replace(self, model=model, **merged)
+            is_stated = ~support & (absent > 0.0)
+            fields[name][is_stated] = absent[is_stated]
+        return replace(self, model=model, **fields)
 
     def equations(self) -> tuple[str, ...]:
         """Return the equation of each state as text, with standard errors if they are known."""
@@ -369,17 +369,17 @@ class IdentifiedModel(Immutable):
         import pandas as pd  # an extra, and slow to import
 
         model, (low, high) = self.model, self.confidence_limits()
-        shown = np.full(low.shape, True) if absent else np.nan_to_num(model.coefficients) != 0
+        is_shown = np.full(low.shape, True) if absent else np.nan_to_num(model.coefficients) != 0
         names = model.term_names
         index = pd.MultiIndex.from_tuples(
-            [(model.states[i], names[j]) for i, j in np.argwhere(shown)],
+            [(model.states[i], names[j]) for i, j in np.argwhere(is_shown)],
             names=("equation", "term"),
         )
         columns = {
             "coefficient": model.coefficients, "standard_error": self.standard_errors,
             "unconditional_error": self.unconditional_errors, "low": low, "high": high,
         }  # fmt: skip
-        return pd.DataFrame({name: values[shown] for name, values in columns.items()}, index)
+        return pd.DataFrame({name: values[is_shown] for name, values in columns.items()}, index)
 
     def to_plain(self) -> dict[str, object]:
         """Convert the model to plain values for JSON; NaN and infinite numbers become text."""

@@ -25,17 +25,19 @@ def checked_recordings(recordings: object) -> list[Recording]:
     Raises ValueError if there are none, or if they are not recordings, differ in their states, or
     are too short.
     """
-    wanted = "must be a Recording, or a list of recordings of one system"
+    requirement = "must be a Recording, or a list of recordings of one system"
     if isinstance(recordings, Recording):
         recordings = [recordings]
     if not isinstance(recordings, list | tuple):
         kind = type(recordings).__name__
-        raise ValueError(f"recordings: a {kind}; {wanted} (Recording.from_frame takes a DataFrame)")
+        raise ValueError(
+            f"recordings: a {kind}; {requirement} (Recording.from_frame takes a DataFrame)"
+        )
     if not recordings:
-        raise ValueError(f"recordings: is empty; {wanted}")
+        raise ValueError(f"recordings: is empty; {requirement}")
     for i, recording in enumerate(recordings):
         if not isinstance(recording, Recording):
-            raise ValueError(f"recordings: item {i} is a {type(recording).__name__}; {wanted}")
+            raise ValueError(f"recordings: item {i} is a {type(recording).__name__}; {requirement}")
         if recording.states != recordings[0].states:
             raise ValueError(
                 f"recordings: item {i} has the states {', '.join(recording.states)}; "

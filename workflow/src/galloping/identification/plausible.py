@@ -97,15 +97,15 @@ def _fit_supports(
     sizes = supports.sum(axis=1)
     for size in np.unique(sizes[sizes > 0]):  # supports of one size are fitted in one call
         rows = np.flatnonzero(sizes == size)[:, None]
-        kept = np.nonzero(supports[rows[:, 0]])[1].reshape(-1, size)
-        q, r = np.linalg.qr(np.moveaxis(whitened.columns[:, kept], 1, 0))
+        term_indices = np.nonzero(supports[rows[:, 0]])[1].reshape(-1, size)
+        q, r = np.linalg.qr(np.moveaxis(whitened.columns[:, term_indices], 1, 0))
         inverse = np.linalg.inv(r)
-        along = np.einsum("mij,i->mj", q, whitened.target)
-        rest = whitened.target - np.einsum("mij,mj->mi", q, along)
+        projection = np.einsum("mij,i->mj", q, whitened.target)
+        rest = whitened.target - np.einsum("mij,mj->mi", q, projection)
         chi2[rows[:, 0]] = np.sum(rest**2, axis=1)
-        unit = whitened.unit[kept]
-        coefficients[rows, kept] = np.einsum("mij,mj->mi", inverse, along) * unit
-        variances[rows, kept] = np.sum(inverse**2, axis=2) * unit**2
+        unit = whitened.unit[term_indices]
+        coefficients[rows, term_indices] = np.einsum("mij,mj->mi", inverse, projection) * unit
+        variances[rows, term_indices] = np.sum(inverse**2, axis=2) * unit**2
     return chi2, coefficients, variances
 
 

@@ -402,7 +402,7 @@ def make_problem(
         every = ", ".join(states)
         raise ValueError(f"the equations of {every} are all known; none is left to find")
     is_allowed = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
-    is_open, stated = is_allowed.copy(), set[tuple[int, int, str]]()
+    is_open, constraints = is_allowed.copy(), set[tuple[int, int, str]]()
     expected, precision = np.zeros((2, *rows.shape))
     bounds: list[Bound] = []
     for one in coefficients:
@@ -414,22 +414,22 @@ def make_problem(
         name = term_name(one.term, names) if has_name else one.term
         if one.term not in index:
             raise ValueError(f"coefficients: {name}: not in the library")
-        place = states.index(one.state), index[one.term]
-        parts = {(*place, "mean")} if one.mean is not None else set()
-        parts |= {(*place, "bounds")} if one.is_bounded else set()
-        if not is_allowed[place] or parts & stated:
+        entry = states.index(one.state), index[one.term]
+        parts = {(*entry, "mean")} if one.mean is not None else set()
+        parts |= {(*entry, "bounds")} if one.is_bounded else set()
+        if not is_allowed[entry] or parts & constraints:
             raise ValueError(f"coefficients: {name} of {one.state}: said twice, or not allowed")
-        stated |= parts
+        constraints |= parts
         if one.is_bounded:
-            bounds.append((place[0], one.term, float(one.lower), float(one.upper)))
+            bounds.append((entry[0], one.term, float(one.lower), float(one.upper)))
         if one.deviation:
-            expected[place], precision[place] = one.mean, one.deviation**-2.0
+            expected[entry], precision[entry] = one.mean, one.deviation**-2.0
         elif one.mean is not None:
-            rows[place], is_open[place] = one.mean, False
+            rows[entry], is_open[entry] = one.mean, False
     for i, term, least, most in bounds:
-        place = i, index[term]
-        mean = expected[place] if precision[place] else rows[place]
-        if (precision[place] or not is_open[place]) and not least <= mean <= most:
+        entry = i, index[term]
+        mean = expected[entry] if precision[entry] else rows[entry]
+        if (precision[entry] or not is_open[entry]) and not least <= mean <= most:
             name = f"{term_name(term, states + inputs)} of {states[i]}"
             raise ValueError(f"coefficients: {name}: {mean:g} is out of its bounds")
     if not is_open[list(unknown)].any():

@@ -28,12 +28,12 @@ def solve_support(
     in units of the noise: H^-1 is the covariance. support: (n,) boolean. Returns c (n,) and the
     covariance of the supported coefficients (n_support, n_support).
     """
-    kept = np.flatnonzero(support)
-    whitened = whiten(information[np.ix_(kept, kept)], right[kept])
+    indices = np.flatnonzero(support)
+    whitened = whiten(information[np.ix_(indices, indices)], right[indices])
     fit = make_tableau(whitened, whitened.is_usable)
-    c, covariance = np.zeros(len(right)), np.zeros((len(kept), len(kept)))
+    c, covariance = np.zeros(len(right)), np.zeros((len(indices), len(indices)))
     unit = whitened.unit[fit.kept]
-    c[kept[fit.kept]] = fit.coefficients * unit
+    c[indices[fit.kept]] = fit.coefficients * unit
     covariance[np.ix_(fit.kept, fit.kept)] = fit.covariance * unit[:, None] * unit
     return c, covariance
 
@@ -183,12 +183,12 @@ class Tableau:
             rise = rise - gradient**2 / diagonal
         elif n_enter == 2:
             i, j = enter.T
-            between = np.tile(self.information[i, j], (len(leave), 1))
+            overlap = np.tile(self.information[i, j], (len(leave), 1))
             for k in range(n_leave):
-                between += share[:, k, i] * weighted[:, k, j]
+                overlap += share[:, k, i] * weighted[:, k, j]
             (g, h), (d, e) = ((values[:, i], values[:, j]) for values in (gradient, diagonal))
-            determinant = d * e - between**2
-            gain = g**2 * e + h**2 * d - 2.0 * (g * h) * between
+            determinant = d * e - overlap**2
+            gain = g**2 * e + h**2 * d - 2.0 * (g * h) * overlap
             good = determinant > MIN_INDEPENDENT_SHARE * d * e
             rise = rise - np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
         return rise, self.kept[leave], self.out[enter]
@@ -212,17 +212,17 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     inverse = np.eye(len(kept))
     if len(kept):  # without terms LAPACK would print a message
         inverse = solve_triangular(r, inverse, check_finite=False)
-    cross, along = q.T @ whitened.columns[:, out], q.T @ whitened.target
-    beyond = whitened.columns[:, out] - q @ cross
-    rest = whitened.target - q @ along
+    cross, projection = q.T @ whitened.columns[:, out], q.T @ whitened.target
+    remainders = whitened.columns[:, out] - q @ cross
+    rest = whitened.target - q @ projection
     # A term of length one cannot be added if the present terms leave less than 1e-11 of its squared
     # length: that is integration error. In chains of strong growth the end makes up most of any
     # term: with 1e-9, one exact line of twenty seemed to have terms that others imitate.
-    good = np.einsum("ij,ij->j", beyond, beyond) > 1e-11
-    beyond = beyond[:, good]
+    good = np.einsum("ij,ij->j", remainders, remainders) > 1e-11
+    remainders = remainders[:, good]
     return Tableau(
-        kept, out[good], inverse @ along, inverse @ inverse.T, float(rest @ rest),
-        inverse @ cross[:, good], beyond.T @ rest, beyond.T @ beyond,
+        kept, out[good], inverse @ projection, inverse @ inverse.T, float(rest @ rest),
+        inverse @ cross[:, good], remainders.T @ rest, remainders.T @ remainders,
     )  # fmt: skip
 
 
@@ -235,8 +235,8 @@ def find_moves(
     added, or one is exchanged for one or two, or two for one. Returns the rise of chi^2 plus
     `prices` (n,) with each, (m,), increasing, and the supports that they lead to, (m, n).
     """
-    kept, out = len(fit.kept), len(fit.out)
-    count_work(6e-8 * kept * out * (out + kept))  # moves of three terms
+    n_present, n_absent = len(fit.kept), len(fit.out)
+    count_work(6e-8 * n_present * n_absent * (n_absent + n_present))  # moves of three terms
     options = [fit.rises(*move) for move in ((1, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 1))]
     priced = [
         (rises + prices[enter].sum(axis=1) - prices[leave].sum(axis=1)[:, None]).ravel()
@@ -248,9 +248,9 @@ def find_moves(
     best = best[np.argsort(rise[best], kind="stable")][:most]
     others = np.tile(support, (len(best), 1))
     of_option = np.searchsorted(ends, best, "right")
-    for other, place, option in zip(others, best, of_option, strict=True):
+    for other, index, option in zip(others, best, of_option, strict=True):
         _, leave, enter = options[option]
-        row, column = divmod(place - ends[option], len(enter))  # negative: counted from the end
+        row, column = divmod(index - ends[option], len(enter))  # negative: counted from the end
         other[leave[row]] = False
         other[enter[column]] = True
     return rise[best], others
@@ -284,8 +284,8 @@ def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -
         is_kept = np.ones(len(c), bool)
         while is_kept.any():
             variance = np.diag(inverse)  # zero by rounding beside a nearly equal term
-            known = is_kept & (variance > 0.0)
-            excess = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=known) - price
+            is_usable = is_kept & (variance > 0.0)
+            excess = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=is_usable) - price
             worst = int(np.argmin(excess))
             if excess[worst] >= 0.0:
                 break
