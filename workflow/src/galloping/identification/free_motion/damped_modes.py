@@ -123,8 +123,8 @@ class DampedModes:
         of_noise = np.zeros((2 * many, channels, 2 * many, channels))
         for c in np.flatnonzero(np.isfinite(self.noise[index])):
             degree = stretch.drift_degrees[c]
-            known = np.isfinite(stretch.values[:, c])
-            products = columns[known].T @ columns[known]
+            is_known = np.isfinite(stretch.values[:, c])
+            products = columns[is_known].T @ columns[is_known]
             basis, inverse = _invert_basis(products, many, degree)
             inverse = inverse[: 2 * many]
             amplitudes = self.amplitudes[index][:, c]
@@ -135,13 +135,13 @@ class DampedModes:
             of_noise[:, c, :, c] = self.noise[index, c] ** 2 * of_unit_noise
         size = 2 * many * channels
         by_poles = by_poles.reshape(size, 2 * many)
-        across = by_poles @ self.covariance
-        of_amplitudes = of_noise.reshape(size, size) + across @ by_poles.T
-        whole = np.block([[self.covariance, across.T], [across, of_amplitudes]])
+        cross_covariance = by_poles @ self.covariance
+        of_amplitudes = of_noise.reshape(size, size) + cross_covariance @ by_poles.T
+        whole = np.block([[self.covariance, cross_covariance.T], [cross_covariance, of_amplitudes]])
         poles = np.arange(2 * many).reshape(2, many)
         amplitudes = 2 * many + np.arange(size).reshape(2, many, channels)
-        kept = np.concatenate([poles[:, which].ravel(), amplitudes[:, which].ravel()])
-        return whole[np.ix_(kept, kept)]
+        indices = np.concatenate([poles[:, which].ravel(), amplitudes[:, which].ravel()])
+        return whole[np.ix_(indices, indices)]
 
     def evaluate(
         self, which: Sequence[int] | np.ndarray, stretch: int, time: np.ndarray

@@ -47,10 +47,10 @@ def fit_envelope(
     edges = _part_edges(centres[signal], np.log(sizes[signal]), MIN_PERIODS * period)
     parts = []
     for first, last in pairwise(edges):
-        inside = (time >= first) & (time <= last)
-        if np.count_nonzero(inside) < MIN_PART_SAMPLES:
+        is_inside = (time >= first) & (time <= last)
+        if np.count_nonzero(is_inside) < MIN_PART_SAMPLES:
             continue
-        interval = Stretch(time[inside] - first, values[inside, np.newaxis], (0,))
+        interval = Stretch(time[is_inside] - first, values[is_inside, np.newaxis], (0,))
         fit = attempt(fit_poles, [interval], np.array([pole]))
         if isinstance(fit, NoModel):
             continue
@@ -79,11 +79,11 @@ def in_strongest_channel(
     among those of `modes`.
     """
     channel = strongest_channel(modes, index, places[0])
-    known = np.isfinite(stretch.values[:, channel])
-    time = stretch.time[known]
+    is_known = np.isfinite(stretch.values[:, channel])
+    time = stretch.time[is_known]
     others = np.setdiff1d(np.arange(len(modes.poles)), places)
-    removed = modes.evaluate(others, index, time)[:, channel]
-    return channel, time, stretch.values[known, channel] - removed
+    other_motion = modes.evaluate(others, index, time)[:, channel]
+    return channel, time, stretch.values[is_known, channel] - other_motion
 
 
 def running_amplitude(

@@ -64,9 +64,9 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
     recording if it never rests, or if all of it does.
     """
     whole = [MovingPart(slice(0, len(time)))]
-    known = np.flatnonzero(np.isfinite(values).any(axis=1))
-    if len(known) and known[-1] - known[0] + 1 < len(time):  # missing samples are no rest
-        inner = slice(known[0], known[-1] + 1)
+    samples = np.flatnonzero(np.isfinite(values).any(axis=1))
+    if len(samples) and samples[-1] - samples[0] + 1 < len(time):  # missing samples are no rest
+        inner = slice(samples[0], samples[-1] + 1)
         return [_shift_part(part, inner.start) for part in moving_parts(time[inner], values[inner])]
     columns, resolution = _fill_gaps(time, values)
     period = _dominant_period(columns)
@@ -191,9 +191,9 @@ def _fill_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
     """
     columns, resolutions = [], []
     for column in values.T:
-        known = np.isfinite(column)
-        if np.count_nonzero(known) >= MIN_WINDOW and np.ptp(column[known]) > 0.0:
-            columns.append(np.interp(time, time[known], column[known]))
+        is_known = np.isfinite(column)
+        if np.count_nonzero(is_known) >= MIN_WINDOW and np.ptp(column[is_known]) > 0.0:
+            columns.append(np.interp(time, time[is_known], column[is_known]))
             resolutions.append(finest_step(column))
     return np.array(columns).reshape(-1, len(time)), np.array(resolutions)[:, np.newaxis]
 
@@ -239,11 +239,11 @@ def _find_onsets(
             continue
         following = minimum_filter1d(deviation, span, axis=1, origin=-(span // 2))
         following = following[:, length : deviation.shape[1] - span + 1]
-        before = deviation[:, : following.shape[1]]
-        starts = np.maximum(before, resolution) <= MAX_REST * following
+        window_deviation = deviation[:, : following.shape[1]]
+        starts = np.maximum(window_deviation, resolution) <= MAX_REST * following
         low, usual, high = np.quantile(deviation, (0.01, 0.9, 0.99), axis=1)[:, :, np.newaxis]
         moves = is_smooth[:, : following.shape[1]] | (low < MAX_REST * high)  # not only noise
-        moves &= before > MAX_REST * usual
+        moves &= window_deviation > MAX_REST * usual
         is_onset = np.any(starts, axis=0) & ~np.any(moves & ~starts, axis=0)
         if length < int(period):  # the few samples of a short window may agree by chance
             is_onset[int(period) :] = False
@@ -262,7 +262,7 @@ def _find_onsets(
             ):
                 continue  # a smaller motion
             onset = _find_departure(columns[starts[:, last]], rest, length)
-            if all(abs(onset - known) > span for known, _ in onsets):
+            if all(abs(onset - earlier_onset) > span for earlier_onset, _ in onsets):
                 onsets.append((onset, rested_from))
     return sorted(onsets)
 
