@@ -128,12 +128,12 @@ def _add_fluctuations(
     (count, n_states), n, extra = linear.starts.shape, linear.right.shape[1], len(variance)
     begin = np.zeros((count, extra, linear.rows.shape[2]))
     begin[record.first_segments, :, n + n_states : -1] = np.diag(variance**-0.5)
-    added = ((0, 0), (0, extra))
-    slopes = np.pad(linear.end_derivatives, (*added, (0, extra)))
+    padding = ((0, 0), (0, extra))
+    slopes = np.pad(linear.end_derivatives, (*padding, (0, extra)))
     slopes[:, :n_states, n + n_states :] = linear.end_derivatives[:, :, rates]
     slopes[:, n_states:, n + n_states :] = PART_CORRELATION * np.eye(extra)
     return replace(
-        linear, starts=np.pad(linear.starts, added), ends=np.pad(linear.ends, added),
+        linear, starts=np.pad(linear.starts, padding), ends=np.pad(linear.ends, padding),
         rows=np.concatenate([linear.rows, begin], axis=1), end_derivatives=slopes,
     )  # fmt: skip
 

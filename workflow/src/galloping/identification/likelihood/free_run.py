@@ -92,12 +92,12 @@ def fit_free_runs(
     starts = identified.initial_states
     squares = condensed.sum_squares(segment_residuals(record, free, starts)[0])
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
-    before = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
+    previous_fit = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not has_forgotten_start(fit):
         return NoModel()
     for _ in range(MAX_PASSES):
-        step = take_step(before, fit, None, None)
-        before, fit = step.before, step.fit
+        step = take_step(previous_fit, fit, None, None)
+        previous_fit, fit = step.before, step.fit
         if step.decrement < DECREMENT_TOLERANCE:
             break
     residual, _ = segment_residuals(record, fit.free, fit.starts)

@@ -222,9 +222,9 @@ def _combine_parameters(
     information: np.ndarray, right: np.ndarray, mixture: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Replace the last parameters of a regression by one mixture of them."""
-    to = np.eye(len(right), len(right) - len(mixture) + 1)
-    to[-len(mixture) :, -1] = mixture
-    return to.T @ information @ to, right @ to
+    transformation = np.eye(len(right), len(right) - len(mixture) + 1)
+    transformation[-len(mixture) :, -1] = mixture
+    return transformation.T @ information @ transformation, right @ transformation
 
 
 def _score_beside_term(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:

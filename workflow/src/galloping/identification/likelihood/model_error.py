@@ -157,9 +157,11 @@ def as_identified(
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
         for mode in further
     )
-    known = condensed.noise_variance  # zero where it is neither known nor estimated
+    noise_variance = condensed.noise_variance  # zero where it is neither known nor estimated
     power = (
-        np.where(known > 0.0, known, noise**2) * condensed.rows / np.diff(condensed.first)[:, None]
+        np.where(noise_variance > 0.0, noise_variance, noise**2)
+        * condensed.rows
+        / np.diff(condensed.first)[:, None]
     )
     noise_power = float(np.sum(power[record.segments.recording]))
     squares = float(np.sum(approximation.forecast_squares[1]))
@@ -258,10 +260,10 @@ def _choose_smallest(approximations: list[Approximation]) -> Approximation:
 
 def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation | None:
     """Fit means of coefficients that fluctuate, and assess them; None if they predict nothing."""
-    fitted = attempt(fit_fluctuations, fit, penalty)
-    if fitted is None or isinstance(fitted, NoModel):
+    outcome = attempt(fit_fluctuations, fit, penalty)
+    if outcome is None or isinstance(outcome, NoModel):
         return None
-    means, covariance = fitted
+    means, covariance = outcome
     approximation = attempt(_cross_validate, means, penalty)
     if isinstance(approximation, NoModel) or not approximation.forecast_r2 > 0.0:
         return None
@@ -357,16 +359,16 @@ def _change_without(
     whole: information of all. Returns the changes (n_support,), zero in directions that the part
     does not determine, and these directions, (n_support, k), with unit information of the whole.
     """
-    kept, diagonal = np.ix_(support, support), np.diag(whole)[support]
-    if not (np.all(diagonal > 0.0) and np.isfinite(part.information[kept]).all()):
+    block, diagonal = np.ix_(support, support), np.diag(whole)[support]
+    if not (np.all(diagonal > 0.0) and np.isfinite(part.information[block]).all()):
         raise np.linalg.LinAlgError("the stretches do not determine a coefficient")
     unit = 1.0 / np.sqrt(diagonal)
     scale = np.outer(unit, unit)
-    shares, directions = eigh(part.information[kept] * scale, whole[kept] * scale)
+    shares, directions = eigh(part.information[block] * scale, whole[block] * scale)
     directions *= unit[:, None]
-    known = shares > MIN_INFORMATION_SHARE
-    along = directions[:, known] / np.sqrt(shares[known])
-    return along @ (along.T @ part.right[support]), directions[:, ~known]
+    is_determined = shares > MIN_INFORMATION_SHARE
+    basis = directions[:, is_determined] / np.sqrt(shares[is_determined])
+    return basis @ (basis.T @ part.right[support]), directions[:, ~is_determined]
 
 
 def prior_covariance(problem: Problem, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:

@@ -159,8 +159,8 @@ def _highest_peak(power: np.ndarray) -> tuple[float, int]:
     """
     if len(power) <= 2 * NEIGHBOUR_BINS:
         return 0.0, 1
-    around = np.ones(2 * NEIGHBOUR_BINS + 1)
-    around[NEIGHBOUR_BINS - 2 : NEIGHBOUR_BINS + 3] = 0.0
-    weight = np.convolve(np.ones(len(power)), around, mode="same")
-    ratio = power / (np.convolve(power, around, mode="same") / weight)
+    window = np.ones(2 * NEIGHBOUR_BINS + 1)
+    window[NEIGHBOUR_BINS - 2 : NEIGHBOUR_BINS + 3] = 0.0
+    weight = np.convolve(np.ones(len(power)), window, mode="same")
+    ratio = power / (np.convolve(power, window, mode="same") / weight)
     return float(ratio.max()), 1 + int(np.argmax(ratio))

@@ -35,18 +35,18 @@ DRAWN_FITS = 40  # number of drawn models from which other minima are searched f
 SWING_TURNS = 2  # number of turns of the motion in the last swing before it sticks
 
 
-def refine_fit(joined: JoinedFit, price: Price) -> JoinedFit:
+def refine_fit(chain_fit: JoinedFit, price: Price) -> JoinedFit:
     """Search several local minima of chi^2 for the lowest, and select the best terms there.
 
     The search is from the joined segments and, if that leads to no fit that follows the data, from
-    the free segments. joined: returned unchanged if neither does.
+    the free segments. chain_fit: returned unchanged if neither does.
     """
-    for step in (joined.step, joined.free_step):
+    for step in (chain_fit.step, chain_fit.free_step):
         least = attempt(_settle_terms, step, price)
         if not isinstance(least, NoModel) and least.fit.misfit < CLOSE_MISFIT:
-            path = (*joined.path, "least of several minima")
-            return JoinedFit(joined.free_step, least, path, True, None)
-    return joined
+            path = (*chain_fit.path, "least of several minima")
+            return JoinedFit(chain_fit.free_step, least, path, True, None)
+    return chain_fit
 
 
 def _settle_terms(step: Step, price: Price) -> Step:

@@ -98,9 +98,9 @@ def starts_of_terms(start: Start) -> Iterator[tuple[str, WeakFit, float]]:
     rough, problem = rough_fit(start), start.problem
 
     def fit_support(support: np.ndarray, prices: np.ndarray) -> WeakFit:
-        chosen = problem.select_terms(rough.information, rough.right, [support], prices)
-        free, _ = problem.solve_within_bounds(rough.information, rough.right, chosen)
-        return replace(rough, free=free, support=chosen)
+        selection = problem.select_terms(rough.information, rough.right, [support], prices)
+        free, _ = problem.solve_within_bounds(rough.information, rough.right, selection)
+        return replace(rough, free=free, support=selection)
 
     yield "weak form" if rough is start.fit else "weak form of a telling stretch", rough, 1.0
     # factor on the penalties: of six clear lines that did not settle from the weak form, four

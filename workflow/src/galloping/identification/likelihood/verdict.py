@@ -210,10 +210,10 @@ def find_beyond_bounds(
         with_term[k] = True
         change, covariance = solve_support(regression.information, regression.right, with_term)
         value = (change + regression.origin)[k]
-        off = abs(value - np.clip(value, lower[k], upper[k]))
-        ruled_out[k] = off > 0.0 and not regression.support[k]
+        excess = abs(value - np.clip(value, lower[k], upper[k]))
+        ruled_out[k] = excess > 0.0 and not regression.support[k]
         error = np.sqrt(covariance[with_term[:k].sum(), with_term[:k].sum()])
-        if off > MAX_PRIOR_DEVIATION * error > 0.0:
+        if excess > MAX_PRIOR_DEVIATION * error > 0.0:
             contradicted.append(Finding.of(
                 Code.BOUNDS_CONTRADICTED, problem.states[problem.candidates[k, 0]],
                 term=problem.candidate_names([k]), value=value, least=lower[k], most=upper[k],
