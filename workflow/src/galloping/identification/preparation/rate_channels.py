@@ -56,11 +56,11 @@ def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dic
     They are by name, such as `scale_X`. scaled: the recordings of `with_scales`.
     """
     scales: dict[str, list[float]] = {}
-    for given, divided in zip(recordings, scaled, strict=True):
-        for k in _unknown_scales(given):
+    for recording, divided in zip(recordings, scaled, strict=True):
+        for k in _unknown_scales(recording):
             present = np.nan_to_num(divided.values[:, k]) != 0.0
-            ratio = np.median(given.values[present, k] / divided.values[present, k])
-            scales.setdefault(f"scale_{given.states[k]}", []).append(float(ratio))
+            ratio = np.median(recording.values[present, k] / divided.values[present, k])
+            scales.setdefault(f"scale_{recording.states[k]}", []).append(float(ratio))
     return {name: float(np.mean(values)) for name, values in scales.items()}
 
 
@@ -80,10 +80,10 @@ def _curve_slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
 
 def _robust_deviation(values: np.ndarray) -> np.ndarray:
     """Compute the robust standard deviation of each column, NaN for one without values."""
-    known = np.isfinite(values).any(axis=0)
-    distance = np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0))
+    is_known = np.isfinite(values).any(axis=0)
+    distance = np.abs(values[:, is_known] - np.nanmedian(values[:, is_known], axis=0))
     deviation = np.full(values.shape[1], np.nan)
-    deviation[known] = 1.4826 * np.nanmedian(distance, axis=0)
+    deviation[is_known] = 1.4826 * np.nanmedian(distance, axis=0)
     return deviation
 
 
@@ -154,8 +154,8 @@ def _weak_integrals(
     twice `length`, s, so that both integrals, (n_tests,), differ only in scale, offset and noise.
     Stretches with gaps are left out.
     """
-    known = np.isfinite(values) & np.isfinite(rates)
-    time, values, rates = time[known], values[known], rates[known]
+    is_known = np.isfinite(values) & np.isfinite(rates)
+    time, values, rates = time[is_known], values[is_known], rates[is_known]
     if len(time) < 2:
         return np.empty(0), np.empty(0)
     step = np.median(np.diff(time))
@@ -163,11 +163,11 @@ def _weak_integrals(
     shape = test.deriv(order) * (-1.0) ** order / length**order
     pairs = []
     for centre in np.arange(time[0] + length, time[-1] - length, length / 2):
-        inside = slice(*first_from(time, (centre - length, centre + length)))
-        t = time[inside]
+        window = slice(*first_from(time, (centre - length, centre + length)))
+        t = time[window]
         if len(t) > 8 and np.max(np.diff([centre - length, *t, centre + length])) < 2.5 * step:
             u = (t - centre) / length
-            integrands = shape(u) * values[inside], test(u) * rates[inside]
+            integrands = shape(u) * values[window], test(u) * rates[window]
             pairs.append([np.trapezoid(one, t) for one in integrands])
     of_values, of_rates = np.array(pairs).reshape(-1, 2).T
     return of_values, of_rates

@@ -63,9 +63,9 @@ def without_faults(recording: Recording, period: float) -> Recording:
             channel[:] = np.nan
             continue
         for extreme in find_saturated_values(channel[good]):
-            at = np.flatnonzero(channel == extreme)
-            if len(at) >= least:
-                distance = distance_to(recording.time[at], recording.time)
+            indices = np.flatnonzero(channel == extreme)
+            if len(indices) >= least:
+                distance = distance_to(recording.time[indices], recording.time)
                 channel[distance <= period / GRID_PER_PERIOD * (1.0 + TIME_ROUNDING)] = np.nan
     return replace(recording, values=values, rates=rates)
 

@@ -312,11 +312,11 @@ def with_integrals(recording: Recording) -> Recording:
     A displacement X is the integral of dX, else of the rate of X, else the double integral of the
     rate of dX. The recording itself is returned if every state has values.
     """
-    missing = unmeasured_displacements(recording)
-    if not missing:
+    pairs = unmeasured_displacements(recording)
+    if not pairs:
         return recording
     values, rates = recording.values.copy(), sampled_rates(recording)
-    for x, v in missing.items():
+    for x, v in pairs.items():
         for channel, times in ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2)):
             if np.isfinite(channel).sum() >= MIN_CURVE_SAMPLES:
                 values[:, x] = _integrate_channel(recording.time, channel, times)
@@ -331,9 +331,9 @@ def without_stuck_channels(values: np.ndarray) -> np.ndarray:
 
 def without_means(values: np.ndarray) -> np.ndarray:
     """Subtract its mean from each channel, (n, n_channels), NaN where missing."""
-    known = np.isfinite(values)
-    count = np.maximum(known.sum(axis=0), 1)
-    return values - np.where(known, values, 0.0).sum(axis=0) / count
+    is_known = np.isfinite(values)
+    count = np.maximum(is_known.sum(axis=0), 1)
+    return values - np.where(is_known, values, 0.0).sum(axis=0) / count
 
 
 def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -342,12 +342,14 @@ def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     values: (n,), NaN where missing. The cubic is fitted with little weight at the ends, where
     incomplete periods would count as drift. The result is NaN if there are too few samples for it.
     """
-    known = np.isfinite(values)
-    if known.sum() <= DRIFT_DEGREE + 1:
+    is_known = np.isfinite(values)
+    if is_known.sum() <= DRIFT_DEGREE + 1:
         return np.full(len(values), np.nan)
-    place = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0
-    weight = np.cos(np.pi / 2.0 * place[known])
-    return values - legval(place, legfit(place[known], values[known], DRIFT_DEGREE, w=weight))
+    position = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0
+    weight = np.cos(np.pi / 2.0 * position[is_known])
+    return values - legval(
+        position, legfit(position[is_known], values[is_known], DRIFT_DEGREE, w=weight)
+    )
 
 
 def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
@@ -358,15 +360,15 @@ def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.n
     noise of accelerations grows as the square of the period. The gain of the filter is 0.998 at the
     slowest frequency, and 2e-4 at three tenths of it. The result is NaN where `values` (n,) are.
     """
-    known = np.isfinite(values)
-    sampled = time[known]
+    is_known = np.isfinite(values)
+    sampled = time[is_known]
     grid = np.linspace(sampled[0], sampled[-1], len(sampled))
-    signal = without_drift(grid, np.interp(grid, time[known], values[known]))
+    signal = without_drift(grid, np.interp(grid, time[is_known], values[is_known]))
     omega = 2.0 * np.pi * np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:]
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))[1:]) ** 2
     power = np.cumsum(np.where(power > MIN_SIGNAL_RATIO * np.median(power), power, 0.0))
     slowest = omega[np.searchsorted(power, 0.01 * power[-1])]
-    passed = 1.0 / (1.0 + (0.6 * slowest / omega) ** 12)
-    spectrum = np.append(0.0, passed * np.fft.rfft(signal)[1:] / (1j * omega) ** times)
+    gain = 1.0 / (1.0 + (0.6 * slowest / omega) ** 12)
+    spectrum = np.append(0.0, gain * np.fft.rfft(signal)[1:] / (1j * omega) ** times)
     integral = np.interp(time, grid, np.fft.irfft(spectrum, len(grid)))
-    return np.where(known, integral, np.nan)
+    return np.where(is_known, integral, np.nan)
