@@ -263,9 +263,9 @@ def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]
     for name in forced:
         if name not in states:
             raise ValueError(f"random force: {name!r:.60}; must be among {', '.join(states)}")
-        place = states.index(name)
-        place = pairs.get(place, place)
-        if place not in problem.unknown:
+        index = states.index(name)
+        index = pairs.get(index, index)
+        if index not in problem.unknown:
             raise ValueError(f"random force: {name}: its equation is known, and no force is in it")
-        places.add(place)
+        places.add(index)
     return tuple(sorted(places)) or problem.unknown

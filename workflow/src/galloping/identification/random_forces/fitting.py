@@ -202,12 +202,12 @@ class ForcedFit:
         whiteness = assess_whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
         if not (names := self.setup.problem.inputs):
             return whiteness
-        errors, before = [], []
+        errors, quantities = [], []
         for part, each in parts:
             inputs = inputs_at_times([each.inputs[name] for name in names], each.time)
             errors.append(part.standardised[begin + 1 :])
-            before.append(np.hstack([part.means, inputs])[begin:-1])
-        k = find_dependence(np.concatenate(errors), np.concatenate(before))
+            quantities.append(np.hstack([part.means, inputs])[begin:-1])
+        k = find_dependence(np.concatenate(errors), np.concatenate(quantities))
         return (
             whiteness if k is None else replace(whiteness, dependence=self.setup.problem.names[k])
         )

@@ -90,10 +90,10 @@ class Innovations:
         """Log-likelihood except for a constant; minus infinity if the filter fails."""
         if self.objection:
             return -np.inf
-        known = np.isfinite(self.innovations) & (self.variances > 0.0)
-        if known.sum() < sum(part.count for part in self.parts):
+        is_known = np.isfinite(self.innovations) & (self.variances > 0.0)
+        if is_known.sum() < sum(part.count for part in self.parts):
             return -np.inf
-        innovations, variances = self.innovations[known], self.variances[known]
+        innovations, variances = self.innovations[is_known], self.variances[is_known]
         return -0.5 * float(np.sum(np.log(variances) + innovations**2 / variances))
 
 
@@ -152,11 +152,11 @@ class ForcedProblem:
         support: the terms that remain.
         """
         present = model.coefficients != 0.0
-        scaled, kept = np.zeros((2, len(present)))
+        scaled, coefficients = np.zeros((2, len(present)))
         scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
         uncentred = np.linalg.solve(self.centring(support), scaled[support])
-        kept[support] = uncentred * self.unit[support]
-        return replace(model, coefficients=kept)
+        coefficients[support] = uncentred * self.unit[support]
+        return replace(model, coefficients=coefficients)
 
     def state_space_model(self, model: ForcedModel) -> StateSpaceModel:
         """Convert a model to the state-space form that the Kalman filter uses."""
@@ -204,12 +204,12 @@ class ForcedProblem:
             if is_exhausted():
                 raise NotConvergedError(Code.LIMIT_OF_WORK)
             filtered, slopes = system_model.filter_extended(one, candidates, terms)
-            known = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
-            root = np.sqrt(filtered.variances[known])
-            scaled = slopes[known] * self.unit / root[:, np.newaxis]
+            is_known = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
+            root = np.sqrt(filtered.variances[is_known])
+            scaled = slopes[is_known] * self.unit / root[:, np.newaxis]
             with np.errstate(over="ignore", invalid="ignore"):
                 information += scaled.T @ scaled
-            right -= scaled.T @ (filtered.innovations[known] / root)
+            right -= scaled.T @ (filtered.innovations[is_known] / root)
         if not np.all(np.isfinite(information)):
             raise FloatingPointError("the slopes of the innovations diverge")
         prior, prior_right = self.problem.with_prior(

@@ -127,10 +127,10 @@ def _with_shared_forces(setup: ForcedProblem, start: ForcedModel) -> ForcedModel
                 root = base.root.copy()
                 root[i, j] = share * size
                 root[i] *= size / np.linalg.norm(root[i])
-                tried = replace(base, root=root)
-                likelihood = setup.filter_recordings(tried).log_likelihood
+                trial = replace(base, root=root)
+                likelihood = setup.filter_recordings(trial).log_likelihood
                 if likelihood > most:
-                    best, most = tried, likelihood
+                    best, most = trial, likelihood
     return best
 
 

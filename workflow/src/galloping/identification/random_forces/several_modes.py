@@ -242,12 +242,12 @@ def find_peaks(step: float, grids: list[np.ndarray]) -> list[float]:
     if len(frequency) > MAX_MEDIANS:  # medians at all frequencies would take a minute
         places = np.geomspace(1, len(frequency), MAX_MEDIANS).astype(int)
         centres = frequency[np.unique(places) - 1]
-    near = neighbour_slices(frequency, centres, MEDIAN_WIDTH)
-    medians = np.array([np.median(power[rows], axis=0) for rows in near])
+    neighbours = neighbour_slices(frequency, centres, MEDIAN_WIDTH)
+    medians = np.array([np.median(power[rows], axis=0) for rows in neighbours])
     level = np.array([np.interp(frequency, centres, column) for column in medians.T]).T
     height = np.max(power / np.maximum(level, np.finfo(float).tiny), axis=1)
-    near = neighbour_slices(frequency, frequency, PEAK_WIDTH)
-    highest = np.array([height[rows].max() for rows in near])
+    neighbours = neighbour_slices(frequency, frequency, PEAK_WIDTH)
+    highest = np.array([height[rows].max() for rows in neighbours])
     is_resolved = frequency * step * lengths.max() > MIN_MODE_PERIODS
     return frequency[is_resolved & (height == highest) & (height > MIN_PEAK_RATIO)].tolist()
 

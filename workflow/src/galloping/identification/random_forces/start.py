@@ -56,9 +56,9 @@ def place_on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndar
 
     samples: (n, n_channels). step: s.
     """
-    place = np.round((time - time[0]) / step).astype(np.int64)
-    grid = np.full((place[-1] + 1, samples.shape[1]), np.nan)
-    grid[place] = samples
+    positions = np.round((time - time[0]) / step).astype(np.int64)
+    grid = np.full((positions[-1] + 1, samples.shape[1]), np.nan)
+    grid[positions] = samples
     return grid
 
 
@@ -221,12 +221,12 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
     """
     frequencies, powers = [], []
     for grid in grids:
-        known = np.isfinite(grid)
-        share = np.maximum(known.mean(axis=0), 1e-3)
-        power = np.abs(np.fft.rfft(np.where(known, grid, 0.0), axis=0)[1:]) ** 2
+        is_known = np.isfinite(grid)
+        share = np.maximum(is_known.mean(axis=0), 1e-3)
+        power = np.abs(np.fft.rfft(np.where(is_known, grid, 0.0), axis=0)[1:]) ** 2
         groups = len(power) // MEAN_BINS
-        for c in np.flatnonzero(known.sum(axis=0) > 1):
-            stride = np.median(np.diff(np.flatnonzero(known[:, c])))
+        for c in np.flatnonzero(is_known.sum(axis=0) > 1):
+            stride = np.median(np.diff(np.flatnonzero(is_known[:, c])))
             power[int(len(grid) / (2.0 * stride)) :, c] = 0.0  # mirror images of what is slower
         means = power[: groups * MEAN_BINS].reshape(groups, MEAN_BINS, power.shape[1]).mean(axis=1)
         powers.append(means * step / len(grid) / share)

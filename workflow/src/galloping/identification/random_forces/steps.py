@@ -68,10 +68,14 @@ class Steps:
         time = np.append(time, self.time[-1])
         values = []
         for one in self.inputs:
-            at, ends = evaluate_extended(one, time), time[2::2]
-            held = one.between == "zero"  # such an input may jump at the end of a step
-            before = evaluate_extended(one, np.nextafter(ends, -np.inf)) if held else at[2::2]
-            values.append(np.append(np.stack([at[:-1:2], at[1::2], before], axis=1), at[-1]))
+            signal, ends = evaluate_extended(one, time), time[2::2]
+            is_held = one.between == "zero"  # such an input may jump at the end of a step
+            limits = (
+                evaluate_extended(one, np.nextafter(ends, -np.inf)) if is_held else signal[2::2]
+            )
+            values.append(
+                np.append(np.stack([signal[:-1:2], signal[1::2], limits], axis=1), signal[-1])
+            )
         powers = np.array(factors, float)[:, :, np.newaxis]
         return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)
 

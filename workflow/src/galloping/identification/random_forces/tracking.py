@@ -213,11 +213,11 @@ class StateSpaceModel:
         slow forces, and have the terms of the model that are present, after `terms`, indices that
         come first.
         """
-        n, m, known = len(self.size), len(self.augmented_system[0]), self._tables
+        n, m, tables = len(self.size), len(self.augmented_system[0]), self._tables
         others = np.flatnonzero(self.model.coefficients.any(axis=0))
         present = np.array([*terms, *(j for j in others if j not in set(terms))], np.int64)
-        signals, count = known.exponents[known.position[present]], len(present)
-        exponents = np.zeros((count + m - n, m + len(known.factors)), np.int64)
+        signals, count = tables.exponents[tables.position[present]], len(present)
+        exponents = np.zeros((count + m - n, m + len(tables.factors)), np.int64)
         exponents[:count, :n], exponents[:count, m:] = signals[:, :n], signals[:, n:]
         exponents[count:, n:m] = np.eye(m - n, dtype=np.int64)
         coefficients = np.zeros((m, len(exponents)))

@@ -72,12 +72,12 @@ def _leakage_of_gaps(grids: list[np.ndarray], step: float, channel: int, main: f
     Returns the spectrum (n,), as of `estimate_spectra`, of an oscillation at `main`, rad/s, as
     large as the channel.
     """
-    known = [np.isfinite(grid[:, [channel]]) for grid in grids]
+    masks = [np.isfinite(grid[:, [channel]]) for grid in grids]
     size = np.sqrt(2.0) * np.nanstd(np.concatenate(grids)[:, channel])
     spectra = []
     for phase in (0.0, np.pi / 2.0):
-        waves = [size * np.cos(main * step * np.arange(len(rows)) + phase) for rows in known]
-        pairs = zip(known, waves, strict=True)
+        waves = [size * np.cos(main * step * np.arange(len(rows)) + phase) for rows in masks]
+        pairs = zip(masks, waves, strict=True)
         masked = [np.where(rows, wave[:, np.newaxis], np.nan) for rows, wave in pairs]
         spectra.append(estimate_spectra(masked, step)[1][:, 0])
     return np.mean(spectra, axis=0)
