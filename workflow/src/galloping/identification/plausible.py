@@ -47,21 +47,21 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     absent = max(int(np.sum(whitened.is_usable & ~support)), 1)
     prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
     most = 150  # supports that are weighed; with 60, 1 % fewer intervals contain the truth
-    known = {support.tobytes(): (-np.inf, support)}
+    entries = {support.tobytes(): (-np.inf, support)}
     visited: set[bytes] = set()
     for _ in range(1 + 4):
-        unvisited = [(value, key) for key, (value, _) in known.items() if key not in visited]
+        unvisited = [(value, key) for key, (value, _) in entries.items() if key not in visited]
         if not unvisited:
             break
         _, key = min(unvisited)
         visited.add(key)
-        centre = known[key][1]
+        centre = entries[key][1]
         fit = make_tableau(whitened, centre)
         rises, others = find_moves(fit, centre, prices, most)
         values = fit.chi2 + prices[fit.kept].sum() + rises
         for value, other in zip(values, others, strict=True):
-            known.setdefault(other.tobytes(), (value, other))
-    ranked = sorted(known.values(), key=lambda entry: entry[0])
+            entries.setdefault(other.tobytes(), (value, other))
+    ranked = sorted(entries.values(), key=lambda entry: entry[0])
     supports = np.array([other for _, other in ranked[:most]])
     chi2, coefficients, variances = _fit_supports(whitened, supports)
     criterion = chi2 + supports @ prices

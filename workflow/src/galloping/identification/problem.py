@@ -133,10 +133,12 @@ class Problem:
 
     def drop_terms(self, is_dropped: Callable[[Exponents], bool]) -> Self:
         """Return the problem without those terms for which a function returns True."""
-        kept = np.array([not is_dropped(term) for term in self.terms])
-        if kept.all():
+        is_kept = np.array([not is_dropped(term) for term in self.terms])
+        if is_kept.all():
             return self
-        return self.change_terms(lambda values: values[:, kept], list(compress(self.terms, kept)))
+        return self.change_terms(
+            lambda values: values[:, is_kept], list(compress(self.terms, is_kept))
+        )
 
     def candidate_names(self, candidates: Sequence[int] | np.ndarray) -> str:
         """Return the names of given candidates, with their equations, as one text; '' if none."""
@@ -359,10 +361,10 @@ def _farthest_out(
 
     is_free: (n,) boolean. Returns its index and the nearest number within; -1 if all are within.
     """
-    within = np.clip(values, lower, upper)
-    off = np.where(is_free, np.abs(values - within), 0.0)
-    k = int(np.argmax(off / np.maximum(np.abs(values), np.finfo(float).tiny)))
-    return (k, float(within[k])) if off[k] > 0.0 else (-1, 0.0)
+    nearest = np.clip(values, lower, upper)
+    excess = np.where(is_free, np.abs(values - nearest), 0.0)
+    k = int(np.argmax(excess / np.maximum(np.abs(values), np.finfo(float).tiny)))
+    return (k, float(nearest[k])) if excess[k] > 0.0 else (-1, 0.0)
 
 
 def make_problem(
@@ -448,9 +450,9 @@ def largest_coefficients(problem: Problem, values: np.ndarray, rates: np.ndarray
     """
 
     def root_mean_square(values: np.ndarray) -> np.ndarray:
-        known = np.isfinite(values)
-        squares = np.sum(np.where(known, values, 0.0) ** 2, axis=0)
-        return np.sqrt(squares / np.maximum(known.sum(axis=0), 1))
+        is_known = np.isfinite(values)
+        squares = np.sum(np.where(is_known, values, 0.0) ** 2, axis=0)
+        return np.sqrt(squares / np.maximum(is_known.sum(axis=0), 1))
 
     of_terms = root_mean_square(design_matrix(values, problem.terms)) + np.finfo(float).tiny
     return root_mean_square(rates)[problem.candidates[:, 0]] / of_terms[problem.candidates[:, 1]]

@@ -206,14 +206,14 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
 
     support: (n,) boolean. Linear combinations of its terms cannot be added.
     """
-    kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.is_usable)
+    present, absent = np.flatnonzero(support), np.flatnonzero(~support & whitened.is_usable)
     count_work(2e-4 + 1e-10 * len(support) ** 3)
-    q, r = np.linalg.qr(whitened.columns[:, kept])
-    inverse = np.eye(len(kept))
-    if len(kept):  # without terms LAPACK would print a message
+    q, r = np.linalg.qr(whitened.columns[:, present])
+    inverse = np.eye(len(present))
+    if len(present):  # without terms LAPACK would print a message
         inverse = solve_triangular(r, inverse, check_finite=False)
-    cross, projection = q.T @ whitened.columns[:, out], q.T @ whitened.target
-    remainders = whitened.columns[:, out] - q @ cross
+    cross, projection = q.T @ whitened.columns[:, absent], q.T @ whitened.target
+    remainders = whitened.columns[:, absent] - q @ cross
     rest = whitened.target - q @ projection
     # A term of length one cannot be added if the present terms leave less than 1e-11 of its squared
     # length: that is integration error. In chains of strong growth the end makes up most of any
@@ -221,7 +221,7 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     good = np.einsum("ij,ij->j", remainders, remainders) > 1e-11
     remainders = remainders[:, good]
     return Tableau(
-        kept, out[good], inverse @ projection, inverse @ inverse.T, float(rest @ rest),
+        present, absent[good], inverse @ projection, inverse @ inverse.T, float(rest @ rest),
         inverse @ cross[:, good], remainders.T @ rest, remainders.T @ remainders,
     )  # fmt: skip
 

@@ -48,11 +48,11 @@ def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
         kinks, _, path = lars_path_gram(
             moments[f, m], grams[f], n_samples=1, method="lasso", alpha_min=PENALTIES[-1]
         )
-        for place, penalty in enumerate(PENALTIES):
+        for index, penalty in enumerate(PENALTIES):
             # between two kinks, the nonzero coefficients are those at either kink
             after = np.searchsorted(-kinks, -penalty)
-            supports[f, m, place] = np.any(path[:, max(after - 1, 0) : after + 1], axis=1)
-            supports[f, m, place] &= penalty < kinks[0]
+            supports[f, m, index] = np.any(path[:, max(after - 1, 0) : after + 1], axis=1)
+            supports[f, m, index] &= penalty < kinks[0]
     shares = solve(grams, moments, supports)
     return solve(grams, moments, np.abs(shares) >= MIN_TERM_SHARE)
 
