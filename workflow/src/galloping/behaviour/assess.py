@@ -88,8 +88,10 @@ def assess(
     values, inputs = {}, found.model.inputs
     for name, value in (at or {}).items():
         if name not in inputs:
-            wanted = f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
-            raise ValueError(f"{name} is no input of the model; {wanted}")
+            requirement = (
+                f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
+            )
+            raise ValueError(f"{name} is no input of the model; {requirement}")
         values[name] = np.unique(as_finite(name, np.atleast_1d(value), (None,)))
         if not len(values[name]):
             raise ValueError(f"{name} has no value")
@@ -125,13 +127,13 @@ def list_extrapolations(found: IdentifiedModel, at: Mapping[str, ArrayLike]) -> 
         for value, bound, sign in ((least, low, 1.0), (most, high, -1.0)):
             is_far = sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low
             if is_far and is_span(found.model.states):
-                wanted = "0 or more" if sign > 0 else "0 or less"
-                raise ValueError(f"{name} = {value:g}: {recorded}; must be {wanted}")
+                requirement = "0 or more" if sign > 0 else "0 or less"
+                raise ValueError(f"{name} = {value:g}: {recorded}; must be {requirement}")
         if least < low or most > high:
-            given = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
+            value_text = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
             notes.append(
-                f"Extrapolation: {name} = {given}, but {recorded}; beyond, further modes may grow, "
-                "which the recording does not show"
+                f"Extrapolation: {name} = {value_text}, but {recorded}; beyond, further modes may "
+                "grow, which the recording does not show"
             )
     return notes
 
@@ -156,33 +158,33 @@ class _Ensemble:
         return self.identified.model
 
     @classmethod
-    def from_identified(cls, found: IdentifiedModel, seed: int) -> "_Ensemble":
-        states, starts = found.model.states, found.initial_states
-        known = starts[np.isfinite(starts).all(axis=1)]
-        recorded = {name: ends for name in states if (ends := found.recorded(name))}
+    def from_identified(cls, identified: IdentifiedModel, seed: int) -> "_Ensemble":
+        states, starts = identified.model.states, identified.initial_states
+        finite_starts = starts[np.isfinite(starts).all(axis=1)]
+        recorded = {name: ends for name in states if (ends := identified.recorded(name))}
         extent = np.array([recorded.get(name, (0.0, 0.0)) for name in states])
         # without known states: the largest recorded ones, or 1 in their units, no equilibrium
         start = extent[np.arange(len(extent)), np.abs(extent).argmax(axis=1)]
-        if len(known):
+        if len(finite_starts):
             sizes = np.ptp(extent, axis=1)
-            sizes = np.where(sizes > 0.0, sizes, np.abs(known).max(axis=0))
+            sizes = np.where(sizes > 0.0, sizes, np.abs(finite_starts).max(axis=0))
             sizes = np.maximum(sizes, np.finfo(float).tiny)
-            start = farthest_start(known, extent.mean(axis=1), sizes)
+            start = farthest_start(finite_starts, extent.mean(axis=1), sizes)
         elif not start.any():
             start = np.ones(len(states))
         rng = np.random.default_rng(seed)
-        draws = draw_models_and_rivals(found, rng)
-        near_rest = add_higher_degree_effects(draws, found, rng)
-        return cls(found, tuple(draws), tuple(near_rest), start, recorded)
+        draws = draw_models_and_rivals(identified, rng)
+        near_rest = add_higher_degree_effects(draws, identified, rng)
+        return cls(identified, tuple(draws), tuple(near_rest), start, recorded)
 
     def at(self, values: Mapping[str, float]) -> "_Ensemble":
         """Return the same models at constant values of inputs."""
-        held = {name: value for name, value in values.items() if name in self.model.inputs}
+        constants = {name: value for name, value in values.items() if name in self.model.inputs}
         draws, near_rest = (
-            tuple(model.at(held) for model in models)
+            tuple(model.at(constants) for model in models)
             for models in (self.draws, self.draws_near_rest)
         )
-        identified = self.identified.at(held)
+        identified = self.identified.at(constants)
         return replace(self, identified=identified, draws=draws, draws_near_rest=near_rest)
 
     def compute_extent(
@@ -210,13 +212,13 @@ class _Ensemble:
 
 
 def _assess_condition(
-    ensemble: _Ensemble, at: Mapping[str, float], known: Sequence[Point] = ()
+    ensemble: _Ensemble, values: Mapping[str, float], known_cycles: Sequence[Point] = ()
 ) -> Condition:
     """Find equilibria and attractors at one value of every input by simulation from several states.
 
-    known: limit cycles there that continuation has found.
+    known_cycles: limit cycles there that continuation has found.
     """
-    ensemble = ensemble.at(at)
+    ensemble = ensemble.at(values)
     model, recorded_start = ensemble.model, ensemble.start
     motion = _settle_motion(model, recorded_start)
     middle, size = ensemble.compute_extent(model, motion)
@@ -228,7 +230,7 @@ def _assess_condition(
             largest[k] = MAX_CYCLE_SIZE * (high - low) / 2.0
     cycles: list[Point] = []
     ends: list[str] = []
-    for point in known:
+    for point in known_cycles:
         _add_cycle(cycles, point, size)
     disturbed = (rest + DISTURBANCE * size for rest in rests)
     for start in (recorded_start, *disturbed, middle + SEARCH_RADIUS * size):
@@ -242,7 +244,7 @@ def _assess_condition(
         else:
             ends.append("diverged")
     return Condition(
-        dict(at),
+        dict(values),
         tuple(_describe_equilibrium(ensemble, rest, size) for rest in rests),
         tuple(_describe_cycle(ensemble, cycle) for cycle in cycles),
         tuple(dict.fromkeys(ends)),
@@ -257,19 +259,19 @@ def _add_cycle(cycles: list[Point], point: Point, size: np.ndarray) -> None:
 
 
 def _assess_range(
-    ensemble: _Ensemble, at: Mapping[str, float], along: str, values: np.ndarray
+    ensemble: _Ensemble, fixed: Mapping[str, float], parameter: str, values: np.ndarray
 ) -> Assessment:
     """Assess every value of a range, with limit cycles followed along the range.
 
     The equilibrium is followed from the first value that has one.
     """
-    ensemble = ensemble.at(at)
+    ensemble = ensemble.at(fixed)
     branches, missing, onsets = None, [], []
     notes: list[str] = []
     for low in values[:-1].tolist():
-        model, span = ensemble.model.at({along: low}), Range(low, values[-1])
+        model, span = ensemble.model.at({parameter: low}), Range(low, values[-1])
         middle, size = ensemble.compute_extent(model, _settle_motion(model, ensemble.start))
-        family = _make_family(ensemble.model, along, size)
+        family = _make_family(ensemble.model, parameter, size)
         if rests := find_equilibria(model, middle, size):
             rest = min(rests, key=lambda state: np.linalg.norm((state - middle) / size))
             branches, notes = _follow_branches(family, span, rest, ensemble.start)
@@ -278,21 +280,26 @@ def _assess_range(
             break
         missing.append(low)
     if missing:
-        until = f" to {missing[-1]:g}" if missing[1:] else ""
-        notes.insert(0, f"no equilibrium was found at {along} = {missing[0]:g}{until}")
+        last_missing = f" to {missing[-1]:g}" if missing[1:] else ""
+        notes.insert(0, f"no equilibrium was found at {parameter} = {missing[0]:g}{last_missing}")
     is_complete = branches is not None and branches.equilibria.complete and not missing
     conditions = []
     for value in values.tolist():
-        passing(f"{along} = {value:g}")
-        known = []
+        passing(f"{parameter} = {value:g}")
+        known_cycles = []
         for branch in branches.cycles.values() if branches else ():
             try:
-                known += find_cycles_at(family, branch, value)
+                known_cycles += find_cycles_at(family, branch, value)
             except ValueError as failure:
                 notes.append(str(failure))
-        conditions.append(_assess_condition(ensemble, {**at, along: value}, known))
+        conditions.append(_assess_condition(ensemble, {**fixed, parameter: value}, known_cycles))
     return Assessment(
-        tuple(conditions), along, (values[0], values[-1]), tuple(onsets), tuple(notes), is_complete
+        tuple(conditions),
+        parameter,
+        (values[0], values[-1]),
+        tuple(onsets),
+        tuple(notes),
+        is_complete,
     )
 
 
@@ -312,10 +319,10 @@ def _follow_branches(
     all_branches = (branches.equilibria, *branches.cycles.values())
     incomplete = [branch.reason for branch in all_branches if not branch.complete]
     without_oscillation = [
-        f"between {family.parameter} = {before.solution.value:.4g} and {after.solution.value:.4g} "
+        f"between {family.parameter} = {lower.solution.value:.4g} and {upper.solution.value:.4g} "
         f"the equilibrium becomes {'unstable' if more > 0 else 'stable'} without oscillation"
-        for before, after in pairwise(branches.equilibria.points)
-        if (more := _count_growing(after) - _count_growing(before)) % 2
+        for lower, upper in pairwise(branches.equilibria.points)
+        if (more := _count_growing(upper) - _count_growing(lower)) % 2
     ]
     return branches, [*without_oscillation, *branches.failures, *incomplete]
 
@@ -331,17 +338,19 @@ def _find_onsets(
     for model in ensemble.draws_near_rest:
         passing("draw onsets")
         with suppress(ValueError):
-            drawn = _make_family(model, family.parameter, family.sizes)
-            branches.append(equilibrium_branch(drawn, rest, span))
+            drawn_family = _make_family(model, family.parameter, family.sizes)
+            branches.append(equilibrium_branch(drawn_family, rest, span))
     for hopf in hopf_points(best.equilibria):
         value = hopf.point.solution.value
-        before = [_count_growing(p) for p in points if p.solution.value < value]
-        after = [_count_growing(p) for p in points if p.solution.value > value]
-        is_growing_above = bool(before) and before[-1] < (after[0] if after else 1)
+        counts_below = [_count_growing(p) for p in points if p.solution.value < value]
+        counts_above = [_count_growing(p) for p in points if p.solution.value > value]
+        is_growing_above = bool(counts_below) and counts_below[-1] < (
+            counts_above[0] if counts_above else 1
+        )
         samples = []
         for branch in branches:
             others = [h.point.solution.value for h in hopf_points(branch)]
-            more = _count_growing(branch.points[-1]) - (before[-1] if before else 1)
+            more = _count_growing(branch.points[-1]) - (counts_below[-1] if counts_below else 1)
             is_above_range = more <= 0 if is_growing_above else more >= 0
             beyond = np.inf if is_above_range else -np.inf
             samples.append(min(others, key=lambda v: abs(v - value), default=beyond))
@@ -412,11 +421,11 @@ def _describe_equilibrium(ensemble: _Ensemble, rest: np.ndarray, size: np.ndarra
 
     order = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
     shares = np.abs(vectors[np.ix_(rows, order)]) / size[rows, np.newaxis]
-    named = np.argmax(shares, axis=0)  # if more modes than states: the state that moves most
+    state_rows = np.argmax(shares, axis=0)  # if more modes than states: the state that moves most
     matched_rows, matched_modes = match_modes(shares)
-    named[matched_modes] = matched_rows
+    state_rows[matched_modes] = matched_rows
     modes = []
-    for k, row in zip(order, np.take(rows, named).tolist(), strict=True):
+    for k, row in zip(order, np.take(rows, state_rows).tolist(), strict=True):
         rate, draws = values[k], np.array([eigenvalues[k] for eigenvalues in drawn_values])
         if rate.imag > 0:
             frequency = with_interval(abs(rate) / (2 * np.pi), np.abs(draws) / (2 * np.pi))
@@ -426,13 +435,13 @@ def _describe_equilibrium(ensemble: _Ensemble, rest: np.ndarray, size: np.ndarra
         if rate.imag > 0 and row in velocity_pairs(states):
             damping = widen_zero_damping(ensemble.identified, row, frequency.value, damping)
         modes.append(SmallMotion(states[row], frequency, damping))
-    place = {states[i]: with_interval(rest[i], [x[i] for x in drawn_rests]) for i in rows}
+    equilibrium = {states[i]: with_interval(rest[i], [x[i] for x in drawn_rests]) for i in rows}
     is_extrapolated = any(
-        not low <= place[name].value <= high
+        not low <= equilibrium[name].value <= high
         for name, (low, high) in ensemble.recorded.items()
-        if name in place
+        if name in equilibrium
     )
-    return RestPosition(place, tuple(modes), is_extrapolated)
+    return RestPosition(equilibrium, tuple(modes), is_extrapolated)
 
 
 def _damping_ratios(rates: np.ndarray) -> np.ndarray:

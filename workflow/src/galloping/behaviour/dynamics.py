@@ -78,11 +78,11 @@ class Surroundings(Immutable):
     def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
         """Determine the mean and the range of each state over several recordings."""
         values = np.concatenate([recording.values for recording in recordings])
-        known = np.isfinite(values)
-        counts = known.sum(axis=0)
-        middle = np.where(known, values, 0.0).sum(axis=0) / np.maximum(counts, 1)
-        low = np.where(counts > 0, np.where(known, values, np.inf).min(axis=0), -np.inf)
-        high = np.where(counts > 0, np.where(known, values, -np.inf).max(axis=0), np.inf)
+        is_finite = np.isfinite(values)
+        counts = is_finite.sum(axis=0)
+        middle = np.where(is_finite, values, 0.0).sum(axis=0) / np.maximum(counts, 1)
+        low = np.where(counts > 0, np.where(is_finite, values, np.inf).min(axis=0), -np.inf)
+        high = np.where(counts > 0, np.where(is_finite, values, -np.inf).max(axis=0), np.inf)
         return cls(middle, low, high, half_ranges(each.rates for each in recordings))
 
     def rest(self, model: PolynomialModel) -> np.ndarray | None:
@@ -230,11 +230,13 @@ def _compute_free_dynamics(
     best, ends, _ = _propagate_covariance(identified, pairs, around)
     names = [identified.model.states[i] for i in pairs]
     rest, frequencies, damping = _name_values(names, best, ends)
-    known = best[2][np.isfinite(best[2])]
-    if np.any(known < -MIN_DAMPING_RATIO):
+    known_damping = best[2][np.isfinite(best[2])]
+    if np.any(known_damping < -MIN_DAMPING_RATIO):
         kind = "diverged"
     else:
-        kind = "cycle" if len(known) and np.all(known <= MIN_DAMPING_RATIO) else "rest"
+        kind = (
+            "cycle" if len(known_damping) and np.all(known_damping <= MIN_DAMPING_RATIO) else "rest"
+        )
     for mode in identified.further_modes:
         if mode.is_steady or not mode.frequency_error:  # steady components have no damping
             continue

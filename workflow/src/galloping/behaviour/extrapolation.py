@@ -256,18 +256,22 @@ class _Regression:
         shares: (n_states,) of the nonlinear part in each equation, the square of the ratio of a
         geometric series.
         """
-        own, degrees = int(self.identified.support.sum()), np.array([*map(sum, self.terms)])
+        n_support, degrees = int(self.identified.support.sum()), np.array([*map(sum, self.terms)])
         ratios = np.maximum(shares[list(self.equations), np.newaxis], MIN_NONLINEAR_SHARE)
         prior = (ratios ** ((1 - degrees) / 2.0)).ravel() ** 2.0
         diagonal = np.diag(gram)[:-1]
         unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         information, right = gram[:-1, :-1] * unit * unit[:, np.newaxis], gram[:-1, -1] * unit
-        response = -np.linalg.solve(information[:own, :own], information[:own, own:])
-        further = information[own:, own:] + information[own:, :own] @ response
-        further += np.diag(prior * unit[own:] ** 2)
+        response = -np.linalg.solve(
+            information[:n_support, :n_support], information[:n_support, n_support:]
+        )
+        further = (
+            information[n_support:, n_support:] + information[n_support:, :n_support] @ response
+        )
+        further += np.diag(prior * unit[n_support:] ** 2)
         root = np.sqrt(np.diag(further))
         covariance = np.linalg.inv(further / root / root[:, np.newaxis])
         covariance = covariance / root / root[:, np.newaxis]
-        mean = covariance @ (right[own:] + response.T @ right[:own])
-        response = unit[:own, np.newaxis] * response
+        mean = covariance @ (right[n_support:] + response.T @ right[:n_support])
+        response = unit[:n_support, np.newaxis] * response
         return response @ mean, response @ covariance @ response.T

@@ -77,15 +77,15 @@ def check_recordings(model: PolynomialModel, recordings: object) -> list[Recordi
 
     Raises ValueError as `checked_recordings`, and for other states or a missing input.
     """
-    given = checked_recordings(recordings)
-    if given[0].states != model.states:
+    recording_list = checked_recordings(recordings)
+    if recording_list[0].states != model.states:
         raise ValueError(
-            f"recordings: have the states {', '.join(given[0].states)}; the model has "
+            f"recordings: have the states {', '.join(recording_list[0].states)}; the model has "
             f"{', '.join(model.states)}"
         )
-    if lacking := [name for name in model.inputs if name not in given[0].inputs]:
+    if lacking := [name for name in model.inputs if name not in recording_list[0].inputs]:
         raise ValueError(f"recordings: lack the input {lacking[0]}, which drives the model")
-    return given
+    return recording_list
 
 
 def without_outliers(recording: Recording) -> Recording:
@@ -101,27 +101,27 @@ def without_outliers(recording: Recording) -> Recording:
 
 def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Replace outliers among the values of a channel, (n,), by NaN."""
-    known = np.isfinite(values)
-    if np.count_nonzero(known) < MIN_DISTINCT_VALUES:
+    is_finite = np.isfinite(values)
+    if np.count_nonzero(is_finite) < MIN_DISTINCT_VALUES:
         return values
-    time, samples = time[known], values[known]
+    time, samples = time[is_finite], values[is_finite]
     frequency, share = spectrum(time, samples, float(np.median(np.diff(time))))
     are_outliers = find_outliers(time, samples, frequency[find_peaks(share)[1]])
     cleaned = values.copy()
-    cleaned[known] = np.where(are_outliers, np.nan, samples)
+    cleaned[is_finite] = np.where(are_outliers, np.nan, samples)
     return cleaned
 
 
 def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
     """Compute half ranges, (n_states,), of samples over several recordings; zero without any."""
-    measured = [values for values in columns if values is not None]
-    if not measured:
+    samples = [values for values in columns if values is not None]
+    if not samples:
         return 0.0
-    values = np.concatenate(measured)
-    known = np.isfinite(values)
-    low = np.where(known, values, np.inf).min(axis=0)
-    high = np.where(known, values, -np.inf).max(axis=0)
-    return np.where(known.any(axis=0), (high - low) / 2.0, 0.0)
+    values = np.concatenate(samples)
+    is_finite = np.isfinite(values)
+    low = np.where(is_finite, values, np.inf).min(axis=0)
+    high = np.where(is_finite, values, -np.inf).max(axis=0)
+    return np.where(is_finite.any(axis=0), (high - low) / 2.0, 0.0)
 
 
 def simulator_of(model: PolynomialModel) -> Simulator:
@@ -262,9 +262,9 @@ class Following:
 
         motion, values: (n, n_sensed).
         """
-        known = np.isfinite(values) & (self.sigma > 0)
+        is_used = np.isfinite(values) & (self.sigma > 0)
         squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
-        mean = np.mean(squares[known]) if known.any() else np.inf
+        mean = np.mean(squares[is_used]) if is_used.any() else np.inf
         return float(mean) if np.isfinite(mean) else np.inf
 
 
@@ -275,16 +275,18 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
     guess = np.zeros(len(states))
     displacement = {velocity: k for k, velocity in velocity_pairs(states).items()}
     for k in range(len(states)):
-        known = np.isfinite(recording.values[:, k])
-        if known.any():
-            guess[k] = np.interp(time[begin], time[known], recording.values[known, k])
+        is_finite = np.isfinite(recording.values[:, k])
+        if is_finite.any():
+            guess[k] = np.interp(time[begin], time[is_finite], recording.values[is_finite, k])
         elif k in displacement:
             source = recording.values[:, displacement[k]]
-            known = np.isfinite(source)
-            if np.count_nonzero(known) <= MIN_SLOPE_SAMPLES:
+            is_finite = np.isfinite(source)
+            if np.count_nonzero(is_finite) <= MIN_SLOPE_SAMPLES:
                 continue
-            distance = np.abs(time[known] - time[begin])
+            distance = np.abs(time[is_finite] - time[begin])
             nearest = np.partition(distance, MIN_SLOPE_SAMPLES)[MIN_SLOPE_SAMPLES]
             is_near = distance <= max(SLOPE_PERIODS / 2 * shortest_period([recording]), nearest)
-            guess[k] = np.polyfit(time[known][is_near] - time[begin], source[known][is_near], 1)[0]
+            guess[k] = np.polyfit(
+                time[is_finite][is_near] - time[begin], source[is_finite][is_near], 1
+            )[0]
     return guess

@@ -212,24 +212,24 @@ def score_forecast(
     recording, which the errors of a useful forecast do not reach. noise: (n_sensed,) of a sample,
     zero where unknown.
     """
-    known = np.isfinite(measured)
-    error = np.where(known, measured - ahead.median, 0.0)
-    is_inside = known & (measured >= ahead.low) & (measured <= ahead.high)
-    counts, squares = known.sum(axis=0), np.sum(error**2, axis=0)
+    is_finite = np.isfinite(measured)
+    error = np.where(is_finite, measured - ahead.median, 0.0)
+    is_inside = is_finite & (measured >= ahead.low) & (measured <= ahead.high)
+    counts, squares = is_finite.sum(axis=0), np.sum(error**2, axis=0)
     factors = np.ones(len(counts))
     with np.errstate(invalid="ignore", divide="ignore"):
         skill = 1.0 - squares / (counts * deviations_of(measured) ** 2)
         missed = np.sqrt(squares / counts) / deviation
-        held = is_inside.sum(axis=0) / counts
+        coverage = is_inside.sum(axis=0) / counts
         relative = np.maximum(
             error / (ahead.high - ahead.median), error / (ahead.low - ahead.median)
         )  # to the half width of the band on the side of the sample
-    for k in np.flatnonzero(held < ahead.chance):
+    for k in np.flatnonzero(coverage < ahead.chance):
         is_useless = skill[k] <= 0.0 and squares[k] > counts[k] * deviation[k] ** 2
-        factors[k] = np.inf if is_useless else np.quantile(relative[known[:, k], k], 0.9)
+        factors[k] = np.inf if is_useless else np.quantile(relative[is_finite[:, k], k], 0.9)
     by_chance = 1.0 + MAX_NOISE_EXCESS * np.sqrt(2.0 / np.maximum(counts, 1))
     is_noise = deviations_of(measured) < noise * np.sqrt(by_chance)
-    return ScoredForecast(ahead, skill, missed, held, is_noise, factors)
+    return ScoredForecast(ahead, skill, missed, coverage, is_noise, factors)
 
 
 def deviations_of(samples: np.ndarray) -> np.ndarray:
@@ -237,10 +237,10 @@ def deviations_of(samples: np.ndarray) -> np.ndarray:
 
     From (n, n_sensed) to (n_sensed,); zero without samples.
     """
-    known = np.isfinite(samples)
-    counts = np.maximum(known.sum(axis=0), 1)
-    mean = np.where(known, samples, 0.0).sum(axis=0) / counts
-    return np.sqrt(np.sum(np.where(known, samples - mean, 0.0) ** 2, axis=0) / counts)
+    is_finite = np.isfinite(samples)
+    counts = np.maximum(is_finite.sum(axis=0), 1)
+    mean = np.where(is_finite, samples, 0.0).sum(axis=0) / counts
+    return np.sqrt(np.sum(np.where(is_finite, samples - mean, 0.0) ** 2, axis=0) / counts)
 
 
 def with_factors(identified: IdentifiedModel, trial: ScoredForecast) -> IdentifiedModel:
@@ -320,17 +320,17 @@ def _draw_motions(
             f"{len(sampled)} samples; a forecast needs "
             f"{len(recording.states)} or more to start from"
         )
-    fitted = follow.fit_start(rows)
+    best_start = follow.fit_start(rows)
     motions = []
-    if fitted is None:
+    if best_start is None:
         return np.empty((0, len(time), len(sigma)))
-    near = follow.motion(best, fitted, sampled)
-    if follow.misfit(near, values) < worst:
-        slopes = follow.differentiate(best, fitted, near, sampled)
+    best_motion = follow.motion(best, best_start, sampled)
+    if follow.misfit(best_motion, values) < worst:
+        slopes = follow.differentiate(best, best_start, best_motion, sampled)
         for model in draw_models(follow.identified, rng, FORECAST_DRAWS):
             passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
-            start = follow.fit_start_of(model, rows, fitted, noisy, slopes)
+            start = follow.fit_start_of(model, rows, best_start, noisy, slopes)
             if start is None:
                 continue
             motion = follow.motion(model, start, np.concatenate([sampled, time]))
@@ -365,9 +365,9 @@ def _compute_past_errors(follow: Following, ahead: np.ndarray, window: float) ->
         part = ((time[now:end] - origin) / length + TIME_ROUNDING).astype(int)
         part = np.clip(part, 0, parts - 1)
         error = values[now:end] - motion
-        known = np.isfinite(error)
-        np.add.at(squares, part, np.where(known, error, 0.0) ** 2)
-        np.add.at(counts, part, known)
+        is_finite = np.isfinite(error)
+        np.add.at(squares, part, np.where(is_finite, error, 0.0) ** 2)
+        np.add.at(counts, part, is_finite)
     if not counts.any():
         raise ValueError("no earlier part of the recording shows the errors of forecasts")
     missed = np.maximum.accumulate(np.sqrt(squares / np.maximum(counts, 1)), axis=0)
@@ -402,28 +402,30 @@ def _extend_inputs(
     return replace(recording, inputs=inputs)
 
 
-def _continue(name: str, past: Input, ahead: Input | float, end: float, until: float) -> Input:
+def _continue(
+    name: str, recorded_input: Input, ahead: Input | float, end: float, last_time: float
+) -> Input:
     """Continue an input after `end`, s, at the sampling interval of its past."""
-    is_past = past.time <= end
-    step = float(np.median(np.diff(past.time)))
-    time = np.arange(past.time[is_past][-1] + step, until + 2 * step, step)
+    is_past = recorded_input.time <= end
+    step = float(np.median(np.diff(recorded_input.time)))
+    time = np.arange(recorded_input.time[is_past][-1] + step, last_time + 2 * step, step)
     if isinstance(ahead, Input):
         values = ahead(time)
-        known = np.isfinite(values)
+        is_finite = np.isfinite(values)
         is_short_gap = (time < ahead.stretches[0][0]) & (time < end + MAX_INTERPOLATED_STEPS * step)
-        is_beyond = time > until
-        if not known.any() or not np.all(known | is_short_gap | is_beyond):
+        is_beyond = time > last_time
+        if not is_finite.any() or not np.all(is_finite | is_short_gap | is_beyond):
             first, last = ahead.stretches[0][0], ahead.stretches[-1][1]
             raise ValueError(
                 f"input {name} is known from {first:g} to {last:g} s, with "
-                f"{len(ahead.stretches) - 1} gaps; needed from {end:g} to {until:g} s, by the "
+                f"{len(ahead.stretches) - 1} gaps; needed from {end:g} to {last_time:g} s, by the "
                 "clock of the recording"
             )
-        values = np.interp(time, time[known], values[known])
+        values = np.interp(time, time[is_finite], values[is_finite])
     else:
         values = np.full(len(time), float(ahead))
     return replace(
-        past,
-        time=np.append(past.time[is_past], time),
-        values=np.append(past.values[is_past], values),
+        recorded_input,
+        time=np.append(recorded_input.time[is_past], time),
+        values=np.append(recorded_input.values[is_past], values),
     )

@@ -161,10 +161,10 @@ def _find_changes_at_random(
         return []
     middle, model = len(recording.time) // 2, identified.model
     halves = [recording[:middle], recording[middle:]]
-    known, properties = tuple(model.states[i] for i in identified.known), []
+    known_states, properties = tuple(model.states[i] for i in identified.known), []
     for half in halves:
-        found = maximum_likelihood([half], model.terms, model, known, forced=())
-        properties.append(dynamics(found, Surroundings.of([half]), np.random.default_rng(0)))
+        half_model = maximum_likelihood([half], model.terms, model, known_states, forced=())
+        properties.append(dynamics(half_model, Surroundings.of([half]), np.random.default_rng(0)))
         if properties[-1] is None:
             return []
     for quantity, code, unit, factor in (
@@ -240,10 +240,11 @@ def _compare_sizes(
         motion = follow.motion(identified.model, start, time)
         last = time > time[-1] - (time[-1] - time[0]) / 3
         for samples, values, noise in zip(follow.samples.T, motion.T, follow.sigma, strict=True):
-            known = np.isfinite(samples)
-            if (known & last).any():
+            is_finite = np.isfinite(samples)
+            if (is_finite & last).any():
                 recorded = (
-                    _size_above_noise(samples[rows], noise) for rows in (known, known & last)
+                    _size_above_noise(samples[rows], noise)
+                    for rows in (is_finite, is_finite & last)
                 )
                 yield _Size(*recorded), _Size(np.std(values), np.std(values[last]))
 
@@ -303,9 +304,9 @@ def find_difference(
     for key in sorted(keys) or [ERROR_SHARE_PREFIX + together.model.states[0]]:
         name = key.removeprefix(ERROR_SHARE_PREFIX)
         missed = float(together.diagnostics.get(key, np.nan))
-        own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
-        if together.status == "refused" and own < MIN_ERROR_SHARE:
-            differences.append(Difference(name, np.inf, own))
-        elif missed > max(MIN_ERROR_SHARE, MIN_ERROR_RATIO * own):
-            differences.append(Difference(name, missed, own))
+        missed_separately = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
+        if together.status == "refused" and missed_separately < MIN_ERROR_SHARE:
+            differences.append(Difference(name, np.inf, missed_separately))
+        elif missed > max(MIN_ERROR_SHARE, MIN_ERROR_RATIO * missed_separately):
+            differences.append(Difference(name, missed, missed_separately))
     return max(differences, key=lambda each: each.missed, default=None)
