@@ -187,19 +187,19 @@ def correct_guess(
     The steps are in the plane through the guess (n,) that is perpendicular to `border` (n,).
     accuracy: length of the last correction, in steps. Raises NotConverged.
     """
-    at, previous = problem.linearise(problem.unknowns(guess)), np.inf
+    equations, previous = problem.linearise(problem.unknowns(guess)), np.inf
     for _ in range(MAX_CORRECTIONS):
-        residual = np.append(at.residual, border @ (at.solution.vector - guess))
+        residual = np.append(equations.residual, border @ (equations.solution.vector - guess))
         try:
-            change = np.linalg.solve(at.bordered(border), -residual)
+            change = np.linalg.solve(equations.bordered(border), -residual)
         except np.linalg.LinAlgError:
             raise NotConverged("the equations became singular") from None
-        size = problem.length(at.derivative @ change)
+        size = problem.length(equations.derivative @ change)
         if not np.isfinite(size) or size > max(10 * previous, 100.0):
             raise NotConverged("the correction diverged")
-        at = problem.linearise(at.unknowns + change)
+        equations = problem.linearise(equations.unknowns + change)
         if size < accuracy:
-            return at
+            return equations
         previous = size
     raise NotConverged(f"no convergence in {MAX_CORRECTIONS} corrections (the last {size:.1e})")
 
@@ -279,30 +279,30 @@ def _next_point(problem: BranchProblem, last: Point, step: float) -> Point:
     return point
 
 
-def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
-    """Compute the point of the branch at a value of the parameter close to that of `near`."""
-    problem = problem.with_reference(near.solution)
-    factor = (value - near.solution.value) / near.tangent[-1]
-    guess = near.solution.vector + factor * near.tangent
-    at = correct_guess(problem, guess, problem.along_parameter())
-    return point_at(problem, at, problem.metric * near.tangent)
+def _at_value(problem: BranchProblem, neighbour: Point, value: float) -> Point:
+    """Compute the point of the branch at a value of the parameter close to that of `neighbour`."""
+    problem = problem.with_reference(neighbour.solution)
+    factor = (value - neighbour.solution.value) / neighbour.tangent[-1]
+    guess = neighbour.solution.vector + factor * neighbour.tangent
+    equations = correct_guess(problem, guess, problem.along_parameter())
+    return point_at(problem, equations, problem.metric * neighbour.tangent)
 
 
 def _find_bifurcations(
     problem: BranchProblem, last: Point, point: Point, step: float
 ) -> list[Bifurcation]:
     """Find the bifurcations between two points, in order, each located along the step."""
-    between = []
-    for name, before in last.tests.items():
-        if before * point.tests[name] < 0:
+    bifurcations = []
+    for name, last_value in last.tests.items():
+        if last_value * point.tests[name] < 0:
             try:
-                length, at = _locate_zero(problem, last, name, step)
+                length, bifurcation_point = _locate_zero(problem, last, name, step)
             except (NotConverged, ValueError):  # ValueError: the test jumps on the way
-                between.append((step, Bifurcation(name, point, located=False)))
+                bifurcations.append((step, Bifurcation(name, point, located=False)))
             else:
-                if problem.is_confirmed(name, at.stability):
-                    between.append((length, Bifurcation(name, at)))
-    return [bifurcation for _, bifurcation in sorted(between, key=itemgetter(0))]
+                if problem.is_confirmed(name, bifurcation_point.stability):
+                    bifurcations.append((length, Bifurcation(name, bifurcation_point)))
+    return [bifurcation for _, bifurcation in sorted(bifurcations, key=itemgetter(0))]
 
 
 def _locate_zero(

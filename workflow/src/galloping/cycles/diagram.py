@@ -205,8 +205,8 @@ def _list_starts(
 def _is_known(branches: Iterable[Branch], value: float, period: float) -> bool:
     """Decide whether a branch contains an orbit of a given period at a value of the parameter."""
     for branch in branches:
-        for before, after in pairwise(branch.points):
-            first, second = before.solution, after.solution
+        for begin_point, end_point in pairwise(branch.points):
+            first, second = begin_point.solution, end_point.solution
             left, right = sorted((first.value, second.value))
             low, high = sorted((first.period, second.period))
             margin = right - left

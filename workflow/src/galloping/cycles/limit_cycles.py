@@ -289,11 +289,11 @@ def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3
 
     hopf: of `equilibrium_branch`. size: of the first limit cycle, in the sizes of the family.
     """
-    at, (frequency, mode) = hopf.point.solution, hopf.point.stability.critical()
+    equilibrium, (frequency, mode) = hopf.point.solution, hopf.point.stability.critical()
     swing = mode * (size * np.sqrt(2) / np.linalg.norm(mode / family.sizes))
-    orbit = circle(at.state, swing, 2 * np.pi / frequency, at.value, family.sizes)
+    orbit = circle(equilibrium.state, swing, 2 * np.pi / frequency, equilibrium.value, family.sizes)
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
-    growth = np.append((orbit.states - at.state).ravel(), [0.0, 0.0])
+    growth = np.append((orbit.states - equilibrium.state).ravel(), [0.0, 0.0])
     start = continuation.first_point(problem, orbit.vector, problem.metric * growth)
     return continuation.continue_branch(problem, start, span)
 
@@ -321,8 +321,10 @@ def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch
     direction = linearised.derivative @ right[-1]
     direction *= BRANCHING_STEP / (MAX_STEP * problem.length(direction))
     branches = []
-    for away in (direction,) if doubled else (direction, -direction):
-        start = continuation.first_point(problem, orbit.vector + away, problem.metric * away)
+    for departure in (direction,) if doubled else (direction, -direction):
+        start = continuation.first_point(
+            problem, orbit.vector + departure, problem.metric * departure
+        )
         branches.append(continuation.continue_branch(problem, start, span))
     return tuple(branches)
 
@@ -398,12 +400,12 @@ def _last_turn(
     """Extract the last period of a motion, since it was last closest to its end."""
     distance = np.linalg.norm((states - states[-1]) / sizes, axis=1)
     is_near = distance < 0.05 * np.max(distance)
-    far = np.flatnonzero(~is_near)
-    before = np.flatnonzero(is_near[: far[-1]]) if len(far) else far
-    if not len(before):
+    far_rows = np.flatnonzero(~is_near)
+    earlier_rows = np.flatnonzero(is_near[: far_rows[-1]]) if len(far_rows) else far_rows
+    if not len(earlier_rows):
         raise ValueError(f"the motion at {value:g} does not come back to where it ends")
-    first = np.max(np.flatnonzero(~is_near[: before[-1]]), initial=-1) + 1
-    passage = np.arange(first, before[-1] + 1)
+    first = np.max(np.flatnonzero(~is_near[: earlier_rows[-1]]), initial=-1) + 1
+    passage = np.arange(first, earlier_rows[-1] + 1)
     begin = passage[np.argmin(distance[passage])]
     period = float(time[-1] - time[begin])
     times = time[begin] + period * np.arange(PHASES) / PHASES
@@ -416,14 +418,14 @@ def find_cycles_at(family: Family, branch: Branch, value: float) -> list[Point]:
     Raises ValueError if one cannot be computed from its neighbours.
     """
     points = []
-    for before, after in pairwise(branch.points):
-        begin, end = before.solution.value, after.solution.value
+    for begin_point, end_point in pairwise(branch.points):
+        begin, end = begin_point.solution.value, end_point.solution.value
         if (begin - value) * (end - value) > 0 or begin == end or end == value:
             continue
-        near = min(before, after, key=lambda p: abs(p.solution.value - value))
-        problem = CycleProblem.about(family, near.solution, abs(end - begin))
-        ahead = near.tangent * ((value - near.solution.value) / near.tangent[-1])
-        guess = near.solution.vector + ahead
+        neighbour = min(begin_point, end_point, key=lambda p: abs(p.solution.value - value))
+        problem = CycleProblem.about(family, neighbour.solution, abs(end - begin))
+        ahead = neighbour.tangent * ((value - neighbour.solution.value) / neighbour.tangent[-1])
+        guess = neighbour.solution.vector + ahead
         points.append(continuation.first_point(problem, guess, problem.along_parameter()))
     if branch.points[-1].solution.value == value:
         points.append(branch.points[-1])

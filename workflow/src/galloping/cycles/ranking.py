@@ -58,11 +58,11 @@ def apply_measure(parts: Split, case: Mapping, measure: Measure) -> Split:
     The model is identified, or that of `derive_parts`. Each part changes in proportion, as it does
     in the derivation. parts: of the line that `case` describes.
     """
-    after = measure.change(case)
-    old, new = derive_parts(case), derive_parts(after)
+    changed_case = measure.change(case)
+    old, new = derive_parts(case), derive_parts(changed_case)
     old_values, new_values = old.by_term(), new.by_term()
-    damping, mass = added_damping_and_mass(after, measure)
-    masses = np.array([mode.mass for mode in make_line_and_modes(after)[1:]])
+    damping, mass = added_damping_and_mass(changed_case, measure)
+    masses = np.array([mode.mass for mode in make_line_and_modes(changed_case)[1:]])
     lighter = masses / (masses + mass)  # of forces by mass, with the added point masses
     factor = np.append(np.ones(2), lighter)  # of kinematic equations, and of those of motion
     ratios = np.array([
@@ -75,9 +75,9 @@ def apply_measure(parts: Split, case: Mapping, measure: Measure) -> Split:
         row = STATES.index(state)
         linear = linear_term(row, len(STATES))
         term = parts.terms.index(linear)
-        before, changed = (each.fixed[row, each.terms.index(linear)] for each in (old, new))
+        old_rate, changed = (each.fixed[row, each.terms.index(linear)] for each in (old, new))
         # the damping ratio stays, the frequency falls with the added mass
-        fixed[row, term] *= np.sqrt(lighter[k]) * (changed / before if before else 1.0)
+        fixed[row, term] *= np.sqrt(lighter[k]) * (changed / old_rate if old_rate else 1.0)
         fixed[row, term] -= damping[k] / (masses + mass)[k]
     return replace(
         parts,
@@ -149,13 +149,13 @@ def with_measure(
         "horizontal_amplitude_m": w,
         "clearance_m": room,
     }
-    measured = {
+    results = {
         f"{name}{end}": float(value)
         for name, values in numbers.items()
         for end, value in zip(("", "_low", "_high"), values, strict=True)
     }
     return {
-        "measure": measure.label, **measured, "kind": kind, "required_clearance_m": design.limit,
+        "measure": measure.label, **results, "kind": kind, "required_clearance_m": design.limit,
         "is_clearance_sufficient": bool(room[0] >= design.limit),
         "design_wind_m_s": design.wind, "source": measure.source, "note": measure.limit,
     }  # fmt: skip

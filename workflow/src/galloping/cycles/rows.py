@@ -38,9 +38,9 @@ def line_diagram(
     """
     family = line_family(case, name)
     span = Range(low, high, ceiling=MAX_CYCLE_SIZE * Line.from_case(case).sag)
-    along = diagram(family, span, np.zeros(len(STATES)))
-    if along.cycles or along.failures:
-        return along
+    branches = diagram(family, span, np.zeros(len(STATES)))
+    if branches.cycles or branches.failures:
+        return branches
     middle = (low + high) / 2
     settled = settled_line(parameter(name).at(case, middle), simulator)
     if settled.kind != "cycle":
@@ -48,7 +48,7 @@ def line_diagram(
             f"no limit cycle: no Hopf bifurcation in {low:g}..{high:g} {family.unit}, and at "
             f"{middle:g} the motion ends as: {settled.kind}"
         )
-        return replace(along, failures=(reason,))
+        return replace(branches, failures=(reason,))
     motion = middle, settled.time, settled.states
     return diagram(family, span, np.zeros(len(STATES)), motion=motion)
 
@@ -91,14 +91,14 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     rows = []
 
     def add_row(branch: str, value: float, what: str, **further: Any) -> None:
-        place = _place_columns(label, name, along.family.unit, value)
-        place |= {"branch": branch, "name": what}
+        row = _place_columns(label, name, along.family.unit, value)
+        row |= {"branch": branch, "name": what}
         nothing = {
             "located": True,
             "closed_form_wind_m_s": np.nan,
             **_amplitude_columns(0.0, 0.0),
         }
-        rows.append(place | nothing | {"period_s": np.nan, "note": ""} | further)
+        rows.append(row | nothing | {"period_s": np.nan, "note": ""} | further)
 
     def add_end(name: str, branch: Branch) -> None:
         verdict = "" if branch.complete else "incomplete: "
