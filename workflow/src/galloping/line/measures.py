@@ -205,10 +205,10 @@ def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
     bundle's dimension by number.
     """
     sag, count = Line.from_case(case).sag, case["bundle"]["subconductors"]
-    found = {"Davison": davison(sag), "Toye": toye(case["line"]["span"], sag)}
+    ellipses = {"Davison": davison(sag), "Toye": toye(case["line"]["span"], sag)}
     with suppress(ValueError):
-        found["CIGRE 322"] = cigre(sag, case["bundle"]["dimension"] / count, bundle=count > 1)
-    return found
+        ellipses["CIGRE 322"] = cigre(sag, case["bundle"]["dimension"] / count, bundle=count > 1)
+    return ellipses
 
 
 def envelope(orbit: np.ndarray) -> tuple[float, float, float]:

@@ -116,9 +116,9 @@ def make_function(
     if name not in FUNCTIONS:
         raise ValueError(f"function: {name!r:.60}; must be one of {', '.join(FUNCTIONS)}")
     weights, offset = tuple(map(float, weights)), float(offset)
-    said = f"function: {name} of {weights} + {offset:g}; must be finite, with a state"
+    message = f"function: {name} of {weights} + {offset:g}; must be finite, with a state"
     if not all(map(isfinite, (*weights, offset))) or not any(weights):
-        raise ValueError(said)
+        raise ValueError(message)
     first, factor, unit = next(filter(None, weights)), 1.0, 1.0
     if name in ("abs", "sign", "inverse"):
         unit = first
@@ -129,7 +129,7 @@ def make_function(
     elif name == "exp":
         factor, offset = exp(offset) if offset < MAX_EXP_ARGUMENT else np.inf, 0.0
     if not 0.0 < abs(factor) < np.inf:
-        raise ValueError(said)
+        raise ValueError(message)
     # adding zero removes the sign of a negative zero
     weights = tuple(weight / unit + 0.0 for weight in weights)
     return float(factor), Function(name, weights, offset / unit + 0.0)
@@ -145,13 +145,15 @@ def from_plain(factors: Sequence) -> tuple:
 
     Raises ValueError, KeyError or TypeError for anything else.
     """
-    n = sum(not isinstance(own, Mapping) for own in factors)
-    if not all(isinstance(own, int) for own in factors[:n]):
+    n = sum(not isinstance(entry, Mapping) for entry in factors)
+    if not all(isinstance(entry, int) for entry in factors[:n]):
         raise ValueError(f"terms: {factors!r:.60}; must be whole numbers and then functions")
-    made = [make_function(own["name"], own["weights"], own["offset"]) for own in factors[n:]]
-    if any(factor != 1.0 for factor, _ in made):
+    scaled_functions = [
+        make_function(entry["name"], entry["weights"], entry["offset"]) for entry in factors[n:]
+    ]
+    if any(factor != 1.0 for factor, _ in scaled_functions):
         raise ValueError(f"terms: {factors[n:]!r:.60}; not in the one spelling of an argument")
-    return canonical_term(factors[:n], [own for _, own in made])
+    return canonical_term(factors[:n], [function for _, function in scaled_functions])
 
 
 def n_exponents(term: Sequence[object]) -> int:
@@ -165,10 +167,10 @@ def canonical_term(exponents: Sequence[int], functions: Sequence[Function]) -> t
     sign(u)^2 is 1, |u|/u is sign(u); of a state u alone, u sign(u) is |u|, |u|^2 is u^2, u/u is 1.
     """
     exponents, counts = list(exponents), Counter(functions)
-    for argument in dict.fromkeys((own.weights, own.offset) for own in functions):
-        made = {name: Function(name, *argument) for name in ("sign", "abs", "inverse")}
-        sign, size, inverse = (counts.pop(own, 0) for own in made.values())
-        if (state := made["sign"].state) is not None:
+    for argument in dict.fromkeys((function.weights, function.offset) for function in functions):
+        variants = {name: Function(name, *argument) for name in ("sign", "abs", "inverse")}
+        sign, size, inverse = (counts.pop(function, 0) for function in variants.values())
+        if (state := variants["sign"].state) is not None:
             odd, power = (sign + size) % 2, exponents[state] + size
             cancelled = min(power, inverse)
             power, inverse = power - cancelled, inverse - cancelled
@@ -177,7 +179,7 @@ def canonical_term(exponents: Sequence[int], functions: Sequence[Function]) -> t
         else:
             ratio = min(size, inverse)
             sign, size, inverse = (sign + ratio) % 2, size - ratio, inverse - ratio
-        counts.update(dict(zip(made.values(), (sign, size, inverse), strict=True)))
+        counts.update(dict(zip(variants.values(), (sign, size, inverse), strict=True)))
     return (*exponents, *sorted(counts.elements()))
 
 

@@ -147,12 +147,14 @@ def split_functions(
 
     The exponents of the functions come last.
     """
-    functions = tuple(sorted({own for term in terms for own in term if isinstance(own, Function)}))
+    functions = tuple(
+        sorted({function for term in terms for function in term if isinstance(function, Function)})
+    )
     if not functions:
         return (), terms
     count = n_exponents(terms[0])
     return functions, tuple(
-        (*term[:count], *(term[count:].count(own) for own in functions)) for term in terms
+        (*term[:count], *(term[count:].count(function) for function in functions)) for term in terms
     )
 
 
@@ -255,9 +257,9 @@ class PolynomialModel(Immutable):
         errors = np.nan if standard_errors is None else standard_errors
         errors = np.broadcast_to(errors, self.coefficients.shape)
         names, lines = self.term_names, []
-        for state, row, own in zip(self.states, self.coefficients, errors, strict=True):
+        for state, row, state_errors in zip(self.states, self.coefficients, errors, strict=True):
             parts = [
-                f"{with_error(row[j], own[j])} {names[j]}".removesuffix(" 1")
+                f"{with_error(row[j], state_errors[j])} {names[j]}".removesuffix(" 1")
                 for j in np.flatnonzero(row)
             ]
             lines.append(f"d({state})/dt = {' + '.join(parts) or '0'}")
@@ -272,10 +274,10 @@ class PolynomialModel(Immutable):
         errors = np.broadcast_to(errors, self.coefficients.shape)
         lines, states = [], [_name_to_latex(state, self.states) for state in self.states]
         names = [*states, *(_name_to_latex(name, ()) for name in self.inputs)]
-        for name, row, own in zip(states, self.coefficients, errors, strict=True):
+        for name, row, state_errors in zip(states, self.coefficients, errors, strict=True):
             parts = []
             for j in np.flatnonzero(row):
-                number = _power_of_ten(with_error(row[j], own[j]).replace("±", r"\pm"))
+                number = _power_of_ten(with_error(row[j], state_errors[j]).replace("±", r"\pm"))
                 factors = latex_factors(self.terms[j], names, _power_of_ten)
                 parts.append(r" \, ".join([number, *factors]))
             right = " + ".join(parts) or "0"
@@ -388,10 +390,10 @@ class PolynomialModel(Immutable):
 
         def is_friction(term: Exponents) -> bool:
             return any(
-                own.name == "sign"
-                and own.offset == 0.0
-                and {k for k, weight in enumerate(own.weights) if weight} <= velocities
-                for own in term[len(self.names) :]
+                function.name == "sign"
+                and function.offset == 0.0
+                and {k for k, weight in enumerate(function.weights) if weight} <= velocities
+                for function in term[len(self.names) :]
             )
 
         friction = np.array([is_friction(term) for term in self.terms])
@@ -437,13 +439,13 @@ def _check_terms(
             raise ValueError(f"terms: must have {len(names)} exponents, of states and inputs")
         whole = all(isinstance(e, Real) and float(e).is_integer() for e in exponents)
         if not whole or min(exponents[: len(states)], default=0) < 0:
-            wanted = "exponents must be whole numbers, those of states >= 0"
-            raise ValueError(f"terms: {exponents!r:.60}; {wanted}")
+            requirement = "exponents must be whole numbers, those of states >= 0"
+            raise ValueError(f"terms: {exponents!r:.60}; {requirement}")
     if len(set(terms)) < len(terms):
         twice = next(term for term, count in Counter(terms).items() if count > 1)
         raise ValueError(f"terms: {term_name(twice, names)}: is there twice; must be distinct")
     functions, _ = split_functions(terms)
-    if any(len(own.weights) != len(states) for own in functions):
+    if any(len(function.weights) != len(states) for function in functions):
         raise ValueError(f"terms: functions must have {len(states)} weights, of states")
 
 
@@ -462,27 +464,31 @@ def merge_inputs(
             raise ValueError(f"{name}: no input; the model {has}")
         if not (isinstance(value, Real) and isfinite(value)):
             raise ValueError(f"{name}: {value!r:.60}; must be a finite number")
-    held = tuple(len(model.states) + k for k, name in enumerate(model.inputs) if name in values)
-    own = [float(values[name]) for name in model.inputs if name in values]
-    terms, places = _drop_exponents(model.terms, held)
+    held_columns = tuple(
+        len(model.states) + k for k, name in enumerate(model.inputs) if name in values
+    )
+    constants = [float(values[name]) for name in model.inputs if name in values]
+    terms, places = _drop_exponents(model.terms, held_columns)
     merge = np.zeros((len(places), len(terms)))
-    for j, (term, place) in enumerate(zip(model.terms, places, strict=True)):
-        for value, k in zip(own, held, strict=True):
+    for j, (term, column) in enumerate(zip(model.terms, places, strict=True)):
+        for value, k in zip(constants, held_columns, strict=True):
             if value == 0.0 and term[k] < 0:
                 name = model.names[k]
                 raise ValueError(f"{name}: 0; {term_name(term, model.names)} is not finite there")
-        merge[j, place] = prod(value ** term[k] for value, k in zip(own, held, strict=True))
+        merge[j, column] = prod(
+            value ** term[k] for value, k in zip(constants, held_columns, strict=True)
+        )
     return terms, merge
 
 
 @cache
 def _drop_exponents(
-    terms: tuple[Exponents, ...], held: tuple[int, ...]
+    terms: tuple[Exponents, ...], columns: tuple[int, ...]
 ) -> tuple[tuple[Exponents, ...], tuple[int, ...]]:
-    """Remove the exponents at `held` from terms, and index the old terms in the distinct ones."""
-    kept = [tuple(e for k, e in enumerate(term) if k not in held) for term in terms]
-    place = {term: j for j, term in enumerate(dict.fromkeys(kept))}
-    return tuple(place), tuple(place[term] for term in kept)
+    """Remove exponents at `columns` from terms, and index the old terms in the distinct ones."""
+    remainders = [tuple(e for k, e in enumerate(term) if k not in columns) for term in terms]
+    new_indices = {term: j for j, term in enumerate(dict.fromkeys(remainders))}
+    return tuple(new_indices), tuple(new_indices[term] for term in remainders)
 
 
 def join_inputs(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:

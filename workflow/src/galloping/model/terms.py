@@ -175,23 +175,23 @@ def known_model(
     coefficients = np.zeros((len(states), len(terms)))
     equations: list[str] = []
     single: list[Known | Bounds] = []
-    said: set[tuple] = set()
+    single_keys: set[tuple] = set()
     for text in texts:
-        known = parse_known(text, states, inputs)
-        own = (known.term,) if isinstance(known, Bounds) else tuple(known.terms)
-        for term in own:
+        prior = parse_known(text, states, inputs)
+        prior_terms = (prior.term,) if isinstance(prior, Bounds) else tuple(prior.terms)
+        for term in prior_terms:
             if term not in terms:
                 name = term_name(term, states + inputs)
                 raise ValueError(f"known term {name} is not in the library")
-        if known.state in equations or (type(known), known.state, own) in said:
+        if prior.state in equations or (type(prior), prior.state, prior_terms) in single_keys:
             raise ValueError(f"known {text!r}: is said twice")
-        if isinstance(known, Bounds) or known.deviation is not None:
-            single.append(known)
-            said.add((type(known), known.state, own))
+        if isinstance(prior, Bounds) or prior.deviation is not None:
+            single.append(prior)
+            single_keys.add((type(prior), prior.state, prior_terms))
             continue
-        equations.append(known.state)
-        places = [terms.index(term) for term in own]
-        coefficients[states.index(known.state), places] = list(known.terms.values())
+        equations.append(prior.state)
+        places = [terms.index(term) for term in prior_terms]
+        coefficients[states.index(prior.state), places] = list(prior.terms.values())
     return PolynomialModel(states, terms, coefficients, inputs), tuple(equations), tuple(single)
 
 
@@ -216,14 +216,17 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
         If an equation cannot be read, or a state has two.
     """
     texts, inputs = text.rstrip().removesuffix(";").split(";"), tuple(inputs)
-    heads = [re.sub(r"^d\s*\(|\)\s*/\s*dt$", "", own.partition("=")[0].strip()) for own in texts]
+    heads = [
+        re.sub(r"^d\s*\(|\)\s*/\s*dt$", "", equation.partition("=")[0].strip())
+        for equation in texts
+    ]
     states = tuple(head.strip() for head in heads)
-    known = [parse_known(own, states, inputs) for own in texts]
+    equations = [parse_known(equation, states, inputs) for equation in texts]
     terms: dict[Exponents, None] = {}
-    for own, said in zip(known, texts, strict=True):
-        if isinstance(own, Bounds) or own.deviation is not None:
-            raise ValueError(f"{said.strip()!r}: must be an equation, such as 'q = dq'")
-        terms |= dict.fromkeys(own.terms)
+    for equation, equation_text in zip(equations, texts, strict=True):
+        if isinstance(equation, Bounds) or equation.deviation is not None:
+            raise ValueError(f"{equation_text.strip()!r}: must be an equation, such as 'q = dq'")
+        terms |= dict.fromkeys(equation.terms)
     return known_model(texts, states, tuple(terms), inputs)[0]
 
 
@@ -259,13 +262,13 @@ class _Sentence:
         from lark.exceptions import UnexpectedInput
 
         if len(self.text) > MAX_CHARACTERS:
-            said = f"{len(self.text)} characters are more than {MAX_CHARACTERS}"
-            raise ValueError(f"{self.kind} {self.text:.60}...: {said}")
+            message = f"{len(self.text)} characters are more than {MAX_CHARACTERS}"
+            raise ValueError(f"{self.kind} {self.text:.60}...: {message}")
         depth = 0
-        for place, character in enumerate(self.text):
+        for position, character in enumerate(self.text):
             depth += (character == "(") - (character == ")")
             if depth > MAX_NESTING:
-                raise self.fault(place, f"more than {MAX_NESTING} brackets within each other")
+                raise self.fault(position, f"more than {MAX_NESTING} brackets within each other")
         # opening and closing brackets remove the ambiguity of bars; one character keeps positions
         text = re.sub(r"\|([^|]*)\|", r"⟦\1⟧", self.text)
         try:
@@ -275,35 +278,35 @@ class _Sentence:
             words = [word for name, word in TERMINAL_WORDS.items() if name in expected]
             token = getattr(error, "token", None)
             if token is not None and token.type == "$END":
-                place, said = len(self.text.rstrip()), "more is needed here"
+                position, message = len(self.text.rstrip()), "more is needed here"
             else:
-                place = error.pos_in_stream or 0
-                what = self.text[place : place + len(token or " ")]
-                said = f"{what!r} is not understood here"
+                position = error.pos_in_stream or 0
+                what = self.text[position : position + len(token or " ")]
+                message = f"{what!r} is not understood here"
             hint = f"; must be {' or '.join(words)}" if 0 < len(words) < 4 else ""
-            raise self.fault(place, f"{said}{hint}") from None
+            raise self.fault(position, f"{message}{hint}") from None
 
-    def fault(self, place: int | Token, said: str) -> ValueError:
-        at: Any = getattr(place, "start_pos", place)
+    def fault(self, position: int | Token, message: str) -> ValueError:
+        at: Any = getattr(position, "start_pos", position)
         text = self.text if len(self.text) < 200 else f"{self.text:.60}..."
-        return ValueError(f"{self.kind} {text!r}, character {at + 1}: {said}")
+        return ValueError(f"{self.kind} {text!r}, character {at + 1}: {message}")
 
-    def times(self, left: Sum, right: Sum, place: Token | None) -> Sum:
+    def times(self, left: Sum, right: Sum, position: Token | None) -> Sum:
         """Multiply two sums. Raises ValueError for too many terms or too high a power."""
         result: Sum = {}
         for one, a in left.items():
             for other, b in right.items():
                 term = multiply_terms(one, other)
                 result[term] = result.get(term, 0.0) + a * b
-            self.check_count(len(result), place)
+            self.check_count(len(result), position)
         highest = max(max(map(abs, term[: n_exponents(term)])) for term in result)
         if highest > MAX_POWER:
-            raise self.fault(place or 0, f"a power of {highest} is more than {MAX_POWER}")
+            raise self.fault(position or 0, f"a power of {highest} is more than {MAX_POWER}")
         return result
 
-    def check_count(self, terms: int, place: Token | None) -> None:
+    def check_count(self, terms: int, position: Token | None) -> None:
         if terms > MAX_TERMS:
-            raise self.fault(place or 0, f"{terms} terms are too many; at most {MAX_TERMS}")
+            raise self.fault(position or 0, f"{terms} terms are too many; at most {MAX_TERMS}")
 
     def parse_equations(self) -> Iterator[tuple[int, Sum]]:
         """Yield the terms of a library for each of its equations."""
@@ -338,14 +341,14 @@ class _Sentence:
         sums = [self.sum(part, equation) for part in parts[::2] if part is not None]
         relations = [relation[0] for relation in parts[1::2] if relation is not None]
         constant = self.monomial(())
-        values = [own.get(constant, 0.0) if set(own) <= {constant} else None for own in sums]
-        own = 1 if len(sums) == 3 else int(values[0] is not None and values[1] is None)
-        if list(sums[own].values()) != [1.0]:
+        values = [terms.get(constant, 0.0) if set(terms) <= {constant} else None for terms in sums]
+        term_index = 1 if len(sums) == 3 else int(values[0] is not None and values[1] is None)
+        if list(sums[term_index].values()) != [1.0]:
             raise self.fault(name, "must be one term, without a number, and its bounds")
         ends = {"<": np.inf, ">": -np.inf}  # on the side to which a relation opens
         for k, relation in enumerate(relations):
-            other = k if k + 1 == own else k + 1
-            side = relation if other > own else "<>"[relation == "<"]
+            other = k if k + 1 == term_index else k + 1
+            side = relation if other > term_index else "<>"[relation == "<"]
             value = values[other]
             if value is None or not isfinite(value):
                 raise self.fault(name, "a bound must be a finite number")
@@ -355,57 +358,59 @@ class _Sentence:
         lower, upper = ends[">"], ends["<"]
         if not lower < upper:
             raise self.fault(name, f"no number is between {lower:g} and {upper:g}")
-        return Bounds(name.value, next(iter(sums[own])), lower, upper)
+        return Bounds(name.value, next(iter(sums[term_index])), lower, upper)
 
     def state(self, name: Token) -> int:
         if name not in self.states:
-            said = f"{name.value!r} is no state; must be one of {', '.join(self.states)}"
-            raise self.fault(name, said)
+            message = f"{name.value!r} is no state; must be one of {', '.join(self.states)}"
+            raise self.fault(name, message)
         return self.states.index(name)
 
     def number(self, tree: Node) -> float:
         sign, number = tree.children
         return float(f"{sign or ''}{number}")
 
-    def sum(self, tree: Node, equation: int, within: bool = False) -> Sum:
-        """Collect coefficients by term; in a library all are one, except `within` functions."""
-        bare = self.kind == "library" and not within
+    def sum(self, tree: Node, equation: int, is_argument: bool = False) -> Sum:
+        """Collect coefficients by term; in a library all are one, except in arguments."""
+        bare = self.kind == "library" and not is_argument
         total: Sum = {}
         for sign, product in zip(tree.children[::2], tree.children[1::2], strict=True):
             if sign == "-" and bare:
                 raise self.fault(sign, "a library is a sum, and signs are found; must be +")
-            for term, value in self.product(product, equation, within).items():
+            for term, value in self.product(product, equation, is_argument).items():
                 total[term] = total.get(term, 0.0) + (-value if sign == "-" else value)
             self.check_count(len(total), None)
         return dict.fromkeys(total, 1.0) if bare else total
 
-    def product(self, tree: Node, equation: int, within: bool) -> Sum:
+    def product(self, tree: Node, equation: int, is_argument: bool) -> Sum:
         first, *others = tree.children
-        result = self.factor(first, equation, within)
+        result = self.factor(first, equation, is_argument)
         for sign, factor in zip(others[::2], others[1::2], strict=True):
             if sign is None and factor.data == "constant":
-                said = "a number is not understood here; it stands first, or behind * or /"
-                raise self.fault(factor.children[0], said)
+                message = "a number is not understood here; it stands first, or behind * or /"
+                raise self.fault(factor.children[0], message)
             convert = self.divided if sign == "/" else self.factor
-            result = self.times(result, convert(factor, equation, within, sign), sign)
+            result = self.times(result, convert(factor, equation, is_argument, sign), sign)
         return result
 
-    def divided(self, tree: Node, equation: int, within: bool, place: Token) -> Sum:
+    def divided(self, tree: Node, equation: int, is_argument: bool, position: Token) -> Sum:
         """Convert one over a factor."""
         if tree.data == "raised":
-            return self.raised(tree, equation, within, place)
-        return self.inverse(self.factor(tree, equation, within or tree.data == "sum"), place)
+            return self.raised(tree, equation, is_argument, position)
+        return self.inverse(
+            self.factor(tree, equation, is_argument or tree.data == "sum"), position
+        )
 
-    def factor(self, tree: Node, equation: int, within: bool, _: object = None) -> Sum:
+    def factor(self, tree: Node, equation: int, is_argument: bool, _: object = None) -> Sum:
         if tree.data == "sum":
-            return self.sum(tree, equation, within)
+            return self.sum(tree, equation, is_argument)
         if tree.data == "raised":
-            return self.raised(tree, equation, within)
+            return self.raised(tree, equation, is_argument)
         name = tree.children[0]
         if tree.data == "function":
             return self.function(name, tree.children[1], equation)
         if tree.data == "constant":
-            if self.kind == "library" and not within and float(name) != 1.0:
+            if self.kind == "library" and not is_argument and float(name) != 1.0:
                 raise self.fault(name, "a library has terms, not coefficients; must be 1")
             return {self.monomial(()): float(name)}
         if tree.data == "poly":
@@ -420,18 +425,18 @@ class _Sentence:
     def function(self, name: Token, argument: Node, equation: int) -> Sum:
         """Convert a function of a sum of states. name: with its bracket, or an opening bar."""
         kind = "abs" if name.type == "OPEN" else name.rstrip("(").rstrip()
-        weights = self.combination(self.sum(argument, equation, within=True))
+        weights = self.combination(self.sum(argument, equation, is_argument=True))
         if weights is None:
-            wanted = f"must be of a sum of states, such as {kind}(2 {self.states[0]})"
-            raise self.fault(name, f"{kind} {wanted}")
+            requirement = f"must be of a sum of states, such as {kind}(2 {self.states[0]})"
+            raise self.fault(name, f"{kind} {requirement}")
         return self.applied(kind, weights, name)
 
-    def applied(self, kind: str, weights: Sequence[float], place: Token) -> Sum:
+    def applied(self, kind: str, weights: Sequence[float], position: Token) -> Sum:
         """Apply a function to a combination of states, as of `combination`."""
         try:
             factor, function = make_function(kind, weights[:-1], weights[-1])
         except ValueError as error:
-            raise self.fault(place, str(error)) from None
+            raise self.fault(position, str(error)) from None
         return {(*self.monomial(()), function): factor}
 
     def combination(self, terms: Sum) -> list[float] | None:
@@ -444,12 +449,17 @@ class _Sentence:
             weights[exponents.index(1) if any(exponents) else -1] = value
         return weights if any(weights[:-1]) else None
 
-    def raised(self, tree: Node, equation: int, within: bool, below: Token | None = None) -> Sum:
-        """Convert a power. below: the sign of a division by it."""
+    def raised(
+        self, tree: Node, equation: int, is_argument: bool, division_sign: Token | None = None
+    ) -> Sum:
+        """Convert a power. division_sign: the sign of a division by it."""
         base, number = tree.children
         sign, digits = number.children
-        convert = self.divided if (sign == "-") != (below is not None) else self.factor
-        power, factor = self.power(digits), convert(base, equation, within, below or sign)
+        convert = self.divided if (sign == "-") != (division_sign is not None) else self.factor
+        power, factor = (
+            self.power(digits),
+            convert(base, equation, is_argument, division_sign or sign),
+        )
         result: Sum = {self.monomial(()): 1.0}
         for _ in range(power):
             result = self.times(result, factor, digits)
@@ -457,42 +467,42 @@ class _Sentence:
 
     def power(self, digits: Token) -> int:
         if not digits.isdigit() or len(digits) > 4 or int(digits) > MAX_POWER:
-            said = f"{digits.value:.20} is not allowed; must be a whole number up to {MAX_POWER}"
-            raise self.fault(digits, said)
+            message = f"{digits.value:.20} is not allowed; must be a whole number up to {MAX_POWER}"
+            raise self.fault(digits, message)
         return int(digits)
 
-    def inverse(self, terms: Sum, place: Token) -> Sum:
+    def inverse(self, terms: Sum, position: Token) -> Sum:
         if (weights := self.combination(terms)) is not None:
-            return self.applied("inverse", weights, place)
+            return self.applied("inverse", weights, position)
         (term, value), *others = terms.items()
         if others or has_functions(term):
-            said = "only numbers, inputs, states and sums of states can be divided by"
-            raise self.fault(place, said)
+            message = "only numbers, inputs, states and sums of states can be divided by"
+            raise self.fault(position, message)
         if not value:
-            raise self.fault(place, "zero cannot be divided by")
+            raise self.fault(position, "zero cannot be divided by")
         n = len(self.states)
         result: Sum = {tuple([0] * n + [-e for e in term[n:]]): 1.0 / value}
         for k, power in enumerate(term[:n]):
             unit = [float(i == k) for i in range(n)] + [0.0]
             for _ in range(power):
-                result = self.times(result, self.applied("inverse", unit, place), place)
+                result = self.times(result, self.applied("inverse", unit, position), position)
         return result
 
     def name(self, name: Token) -> int:
         names = self.states + self.inputs
         if name not in names:
             inputs = ", ".join(self.inputs) or "there are none"
-            said = f"{name.value!r} is neither a state ({', '.join(self.states)}) nor an input"
-            said = f"{said} ({inputs})"
+            message = f"{name.value!r} is neither a state ({', '.join(self.states)}) nor an input"
+            message = f"{message} ({inputs})"
             if self.text[name.end_pos :].lstrip().startswith("("):
-                said += ", nor a function (sin, cos, exp, abs, sign)"
-            raise self.fault(name, said)
+                message += ", nor a function (sin, cos, exp, abs, sign)"
+            raise self.fault(name, message)
         return names.index(name)
 
     def monomial(self, places: Sequence[int]) -> Exponents:
         return tuple(places.count(k) for k in range(len(self.states + self.inputs)))
 
-    def wind(self, name: Token, equation: int, named: bool) -> Sum:
+    def wind(self, name: Token, equation: int, is_named: bool) -> Sum:
         """List the terms of a quasi-static load: p velocities have the factor U^(2 - p).
 
         The equation of a displacement has its velocity. That of a velocity has a structure without
@@ -500,26 +510,26 @@ class _Sentence:
         degree.
         """
         pairs = velocity_pairs(self.states)
-        if named and name not in self.inputs:
+        if is_named and name not in self.inputs:
             inputs = ", ".join(self.inputs) or "there are none"
             raise self.fault(name, f"{name.value!r} is no input ({inputs})")
-        if not named and len(self.inputs) != 1:
+        if not is_named and len(self.inputs) != 1:
             inputs = ", ".join(self.inputs) or "none yet"
-            said = f"wind needs the input that is the wind speed ({inputs}), such as wind(U)"
-            raise self.fault(name, said)
+            message = f"wind needs the input that is the wind speed ({inputs}), such as wind(U)"
+            raise self.fault(name, message)
         if equation in pairs:
             return {self.monomial([pairs[equation]]): 1.0}
         if equation not in pairs.values():
             state = self.states[equation]
-            said = f"wind is of displacements and velocities, and {state!r} has no d{state}"
-            raise self.fault(name, said)
-        speed = self.name(name) if named else len(self.states)
+            message = f"wind is of displacements and velocities, and {state!r} has no d{state}"
+            raise self.fault(name, message)
+        speed = self.name(name) if is_named else len(self.states)
         displacements, velocities = list(pairs), list(pairs.values())
-        terms = [self.monomial(own) for own in _list_factors(displacements, ELASTIC_DEGREE)]
+        terms = [self.monomial(factors) for factors in _list_factors(displacements, ELASTIC_DEGREE)]
         terms += [self.monomial([velocity]) for velocity in velocities]
-        for own in _list_factors(velocities, 3):
-            term = list(self.monomial(own))
-            term[speed] = 2 - len(own)
+        for factors in _list_factors(velocities, 3):
+            term = list(self.monomial(factors))
+            term[speed] = 2 - len(factors)
             terms.append(tuple(term))
         return dict.fromkeys(terms, 1.0)
 
