@@ -95,22 +95,27 @@ def make_tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
         queue = {need for term in queue for need in _list_needed(term, n_states)} - closed
     monomials = tuple(sorted(closed, key=lambda term: _monomial_order(term, n_signals)))
     functions, _ = split_functions(monomials)
-    kinked = sorted(functions, key=lambda own: own.name not in KINKED_FUNCTIONS)
-    arguments = tuple(dict.fromkeys(own[1:] for own in kinked))
-    n_kinks = len({own[1:] for own in functions if own.name in KINKED_FUNCTIONS})
+    kinked = sorted(functions, key=lambda function: function.name not in KINKED_FUNCTIONS)
+    arguments = tuple(dict.fromkeys(function[1:] for function in kinked))
+    n_kinks = len({function[1:] for function in functions if function.name in KINKED_FUNCTIONS})
     index = {term: m for m, term in enumerate(monomials)}
-    place: dict[int | Function, int] = {own: n_states + k for k, own in enumerate(functions)}
-    place |= {k: k if k < n_states else k + len(functions) for k in range(n_signals)}
-    made = [(0, zero), *(_split_last_factor(term, n_states) for term in monomials[1:])]
+    signal_rows: dict[int | Function, int] = {
+        function: n_states + k for k, function in enumerate(functions)
+    }
+    signal_rows |= {k: k if k < n_states else k + len(functions) for k in range(n_signals)}
+    splits = [(0, zero), *(_split_last_factor(term, n_states) for term in monomials[1:])]
     return Tables(
         monomials,
         np.array([index[term] for term in terms]),
-        np.array([index[lower] for _, lower in made], np.int64),
-        np.array([place[factor] for factor, _ in made], np.int64),
+        np.array([index[lower] for _, lower in splits], np.int64),
+        np.array([signal_rows[factor] for factor, _ in splits], np.int64),
         exponent_matrix(monomials, n_signals),
         _as_rows((index[term], k, index[lower]) for term, k, lower, _ in slopes),
         np.array([number for *_, number in slopes], float),
-        _as_rows((index[term], arguments.index(own[1:]), index[left]) for term, own, left in signs),
+        _as_rows(
+            (index[term], arguments.index(function[1:]), index[remainder])
+            for term, function, remainder in signs
+        ),
         factors,
         functions,
         arguments,
@@ -145,17 +150,17 @@ def _list_needed(term: Exponents, n_states: int) -> Iterator[Exponents]:
     if any(term):
         yield _split_last_factor(term, n_states)[1]
     exponents = [factor for factor in term if not isinstance(factor, Function)]
-    for own in term[len(exponents) :]:
-        if own.name not in KINKED_FUNCTIONS:
-            _, others = own.derivative(0)
-            yield from ((*[0] * len(exponents), each) for each in (own, *others))
+    for function in term[len(exponents) :]:
+        if function.name not in KINKED_FUNCTIONS:
+            _, others = function.derivative(0)
+            yield from ((*[0] * len(exponents), each) for each in (function, *others))
 
 
 def _list_sign_factors(term: Exponents) -> Iterator[tuple[Function, Exponents]]:
     """Yield each factor sign(u) of a term, and the term without it."""
-    for k, own in enumerate(term):
-        if isinstance(own, Function) and own.name == "sign":
-            yield own, (*term[:k], *term[k + 1 :])
+    for k, factor in enumerate(term):
+        if isinstance(factor, Function) and factor.name == "sign":
+            yield factor, (*term[:k], *term[k + 1 :])
 
 
 # --- what the compiled integrator reads ---
@@ -238,19 +243,24 @@ def compile_system(
 
 
 def _compile_signals(table: Tables, coefficients: np.ndarray) -> Signals:
-    functions, index = table.functions, {own: k for k, own in enumerate(table.functions)}
+    functions, index = table.functions, {function: k for k, function in enumerate(table.functions)}
     other = {"sin": "cos", "cos": "sin"}
     signs = [Function("sign", *table.arguments[k]) for k in range(table.n_kinks)]
     of_signs = table.on_monomials(coefficients)[:, table.signs[:, 0]]
     equation, row = np.nonzero(of_signs)
     return Signals(
-        np.array([CODES[own.name] for own in functions]),
-        np.array([table.arguments.index(own[1:]) for own in functions]),
-        np.array([index[own._replace(name=other.get(own.name, own.name))] for own in functions]),
+        np.array([CODES[function.name] for function in functions]),
+        np.array([table.arguments.index(function[1:]) for function in functions]),
+        np.array(
+            [
+                index[function._replace(name=other.get(function.name, function.name))]
+                for function in functions
+            ]
+        ),
         np.array([weights for weights, _ in table.arguments]),
         np.array([offset for _, offset in table.arguments]),
         table.n_kinks,
-        np.array([index.get(own, -1) for own in signs], np.int64),
+        np.array([index.get(function, -1) for function in signs], np.int64),
         np.column_stack([equation, table.signs[row, 1:]]).astype(np.int64).reshape(-1, 3),
         of_signs[equation, row],
     )
@@ -261,28 +271,30 @@ def without_idle_monomials(compiled: System, sensitive: bool) -> System:
 
     sensitive: whether sensitivities are results.
     """
-    used = np.zeros(len(compiled.parent), bool)
-    used[0] = True
-    used[compiled.rates[:, 1]] = True
+    is_used = np.zeros(len(compiled.parent), bool)
+    is_used[0] = True
+    is_used[compiled.rates[:, 1]] = True
     if sensitive:
-        used[compiled.jacobian[:, 2]] = True
-        used[compiled.columns[:, 1]] = True
+        is_used[compiled.jacobian[:, 2]] = True
+        is_used[compiled.columns[:, 1]] = True
     signals = compiled.signals
     if signals is not None:
-        used[signals.slides[:, 2]] = True
-    for m in range(len(used) - 1, 0, -1):
-        used[compiled.parent[m]] |= used[m]
-    place = np.cumsum(used) - 1
+        is_used[signals.slides[:, 2]] = True
+    for m in range(len(is_used) - 1, 0, -1):
+        is_used[compiled.parent[m]] |= is_used[m]
+    new_indices = np.cumsum(is_used) - 1
     if signals is not None:
-        slides = np.column_stack([signals.slides[:, :2], place[signals.slides[:, 2]]])
+        slides = np.column_stack([signals.slides[:, :2], new_indices[signals.slides[:, 2]]])
         signals = signals._replace(slides=slides)
     return compiled._replace(
-        parent=place[compiled.parent[used]],
-        factor=compiled.factor[used],
+        parent=new_indices[compiled.parent[is_used]],
+        factor=compiled.factor[is_used],
         signals=signals,
         **{
-            name: np.column_stack([table[:, :at], place[table[:, at]], table[:, at + 1 :]])
-            for name, table, at in (
+            name: np.column_stack(
+                [table[:, :column], new_indices[table[:, column]], table[:, column + 1 :]]
+            )
+            for name, table, column in (
                 ("rates", compiled.rates, 1),
                 ("jacobian", compiled.jacobian, 2),
                 ("columns", compiled.columns, 1),

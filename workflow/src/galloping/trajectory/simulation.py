@@ -342,9 +342,9 @@ def solve_driven(
     ends: list[tuple[float, float]] = []
     limit = DIVERGENCE_FACTOR * _estimate_initial_size(model, inputs, start, time)
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
-        place = (time - time[0]) / step
-        window = np.minimum(place.astype(np.int64), windows - 1)
-        powers, samples, row = at_points(compiled, window, place - window, windows, n_states)
+        position = (time - time[0]) / step
+        window = np.minimum(position.astype(np.int64), windows - 1)
+        powers, samples, row = at_points(compiled, window, position - window, windows, n_states)
         with np.errstate(all="ignore"):
             values, derivatives, _, _, truncation = integrate(
                 compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),

@@ -662,7 +662,7 @@ def integrate(
     state.
     """
     n_segments, n_states = starts.shape
-    own = make_workspace(compiled, ORDER, n_states, sensitive)
+    workspace = make_workspace(compiled, ORDER, n_states, sensitive)
     n_columns = compiled.n_free + n_states if sensitive else 0
     predictions, ends = np.zeros(functionals.shape[:3]), np.zeros((n_segments, n_states))
     derivatives = np.zeros((*predictions.shape, n_columns))
@@ -671,8 +671,8 @@ def integrate(
     relative = propagate(
         float(step), np.ascontiguousarray(first, np.int64), np.ascontiguousarray(starts, float),
         functionals, np.ascontiguousarray(observed, np.int64), np.ascontiguousarray(inputs),
-        sensitive, samples, predictions, derivatives, ends, end_derivatives, size, truncation, *own,
-        *compiled,
+        sensitive, samples, predictions, derivatives, ends, end_derivatives, size, truncation,
+        *workspace, *compiled,
     )  # fmt: skip
     return predictions, derivatives, ends, end_derivatives, relative
 
@@ -925,25 +925,25 @@ def solve(
     pairs = np.asarray(free).reshape(-1, 2) if sensitive else np.empty((0, 2), int)
     compiled = compile_system(make_tables(model.terms, n_states), model.coefficients, pairs)
     compiled = without_idle_monomials(compiled, sensitive)
-    own = make_workspace(compiled, PRECISE_ORDER, n_states, sensitive)
-    own.x[0, :n_states] = start
+    workspace = make_workspace(compiled, PRECISE_ORDER, n_states, sensitive)
+    workspace.x[0, :n_states] = start
     if sensitive:
-        own.s[0, :, len(pairs) : len(pairs) + n_states] = np.eye(n_states)
-    flat = own.s.reshape(PRECISE_ORDER + 1, -1)
+        workspace.s[0, :, len(pairs) : len(pairs) + n_states] = np.eye(n_states)
+    flat = workspace.s.reshape(PRECISE_ORDER + 1, -1)
     states, derivatives = np.zeros((len(time), n_states)), np.zeros((len(time), flat.shape[1]))
     if time[-1] > time[0]:
         with np.errstate(over="ignore", invalid="ignore"):
-            size, rate = np.linalg.norm(start), np.linalg.norm(model(own.x[:1, :n_states]))
+            size, rate = np.linalg.norm(start), np.linalg.norm(model(workspace.x[:1, :n_states]))
         step = size / rate if size > 0.0 and rate > 0.0 else time[-1] - time[0]
         if not sensitive:
-            own = own._replace(s=None)  # type: ignore[arg-type]  # another signature to numba
+            workspace = workspace._replace(s=None)  # type: ignore[arg-type]  # another signature to numba
         count, end, ending = _solve_compiled(  # type: ignore[call-arg]  # numba has no types
             float(step), np.array(time, float), most, float(limit), states, derivatives,
-            *np.empty((2, len(time))), np.zeros((1, 0)), flat, *own, *compiled,
+            *np.empty((2, len(time))), np.zeros((1, 0)), flat, *workspace, *compiled,
         )  # fmt: skip
     else:
         states[:], derivatives[:] = start, flat[0]
         count, end, ending = len(time), float(time[0]), Ending.COMPLETE
-    by = compiled.n_free + n_states if sensitive else 0
-    derivatives = derivatives.reshape(len(time), n_states, -1)[:count, :, :by]
+    n_derivatives = compiled.n_free + n_states if sensitive else 0
+    derivatives = derivatives.reshape(len(time), n_states, -1)[:count, :, :n_derivatives]
     return Solution(states[:count], derivatives, end, Ending(ending))
