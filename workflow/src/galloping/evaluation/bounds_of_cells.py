@@ -36,8 +36,10 @@ def at_the_bound(
         return IdentifiedModel.refused(model.states, model.terms, [why])
     coefficients, free = model.coefficients.copy(), tuple(found.free.T)
     coefficients[free] = draw_normal(coefficients[free], found.covariance, 1, rng)[0]
-    drawn = replace(model, coefficients=coefficients)
-    return IdentifiedModel(drawn, "unjudged", standard_errors=cramer_rao.on_library(model, found))
+    drawn_model = replace(model, coefficients=coefficients)
+    return IdentifiedModel(
+        drawn_model, "unjudged", standard_errors=cramer_rao.on_library(model, found)
+    )
 
 
 def cell_bounds(

@@ -68,7 +68,7 @@ def oracle_rows(
     recordings of each. path_length, weak_path_length: number of thresholds tried, of STLSQ and of
     the weak form.
     """
-    named, models = [], []
+    labels, models = [], []
     thresholds, weak_thresholds = (
         partial(stlsq.models_along, threshold_path(count))
         for count in (path_length, weak_path_length)
@@ -77,15 +77,15 @@ def oracle_rows(
     regressed = {"stlsq": thresholds, "frols": frols.models_along}
     ways = ((evidence.reduce, regressed), (evidence.reduce_weakly, {"weak": weak_thresholds}))
     for (replicate, recordings), (make, paths) in product(enumerate(replicates), ways):
-        for method, chosen in _choose_candidates(truth.model, recordings, make, paths):
-            for choice, model in zip(CHOICES, chosen, strict=True):
-                named.append({"choice": choice, "method": method, "replicate": replicate})
+        for method, candidates in _choose_candidates(truth.model, recordings, make, paths):
+            for choice, model in zip(CHOICES, candidates, strict=True):
+                labels.append({"choice": choice, "method": method, "replicate": replicate})
                 models.append(model)
     unknown = np.full(truth.model.coefficients.shape, np.nan)
     motions = reconstruct(truth, models)  # all at once: an integrator takes longest to be made
     return [
         name | score(truth, model, motion, unknown)
-        for name, model, motion in zip(named, models, motions, strict=True)
+        for name, model, motion in zip(labels, models, motions, strict=True)
     ]
 
 
@@ -104,8 +104,8 @@ def _choose_candidates(
         yield from ((method, [nothing] * len(CHOICES)) for method in paths)
         return
     for method, each in models.items():
-        chosen = (replace(true, coefficients=c) for c in oracles(true, each))
-        yield method, [IdentifiedModel(model, "unjudged") for model in chosen]
+        choices = (replace(true, coefficients=c) for c in oracles(true, each))
+        yield method, [IdentifiedModel(model, "unjudged") for model in choices]
 
 
 def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
@@ -113,7 +113,7 @@ def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
 
     Each is (k, n_terms), k models of an equation. path: the models for all thresholds of a method.
     """
-    found: list[list[np.ndarray]] = [[] for _ in evidence.tuned.states]
+    models_by_equation: list[list[np.ndarray]] = [[] for _ in evidence.tuned.states]
     for problem in [each.reduced for each in evidence.filters] or [evidence.tuned]:
         products = problem.products.sum(axis=0)
         p = len(products) - len(problem.states)
@@ -123,5 +123,5 @@ def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
         for i, each in enumerate(models):
             distinct = np.unique(each != 0, axis=0)[np.newaxis]
             shares = solve(unit[:p, :p], unit[[p + i], :p], distinct)[0]
-            found[i].append(shares * lengths[p + i] / lengths[:p])
-    return [np.concatenate(models) for models in found]
+            models_by_equation[i].append(shares * lengths[p + i] / lengths[:p])
+    return [np.concatenate(models) for models in models_by_equation]

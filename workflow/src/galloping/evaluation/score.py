@@ -184,13 +184,15 @@ def mean_error_by_order(
 
     The errors are |estimate - true| / |true|; inf without a model.
     """
-    chosen, degree, means = list(equations), np.array([sum(term) for term in true.terms]), {}
+    rows, degree, means = list(equations), np.array([sum(term) for term in true.terms]), {}
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.abs(coefficients - true.coefficients) / np.abs(true.coefficients)
     for name, order in TERM_DEGREES.items():
-        own = errors[chosen][true.support[chosen] & (degree == order)]
-        if own.size:
-            means[name] = float(np.mean(own)) if np.all(np.isfinite(own)) else np.inf
+        order_errors = errors[rows][true.support[rows] & (degree == order)]
+        if order_errors.size:
+            means[name] = (
+                float(np.mean(order_errors)) if np.all(np.isfinite(order_errors)) else np.inf
+            )
     return means
 
 
@@ -199,10 +201,10 @@ def support_scores(true: PolynomialModel, coefficients: np.ndarray) -> dict[str,
 
     The index is TP / (TP + FN + FP); a failed fit has no terms.
     """
-    found = np.nan_to_num(coefficients) != 0
-    hit = int(np.sum(found & true.support))
-    missing = int(np.sum(true.support & ~found))
-    spurious = int(np.sum(found & ~true.support))
+    support = np.nan_to_num(coefficients) != 0
+    hit = int(np.sum(support & true.support))
+    missing = int(np.sum(true.support & ~support))
+    spurious = int(np.sum(support & ~true.support))
     ratio = hit / (hit + missing + spurious)
     return {"missing": missing, "spurious": spurious, "true_positive_ratio": ratio}
 
@@ -225,11 +227,11 @@ def efficiency(
     the bound of any of the terms is infinite or undefined, as it is without noise: there is no best
     to compare with then, and the other terms alone would flatter a method that missed this one.
     """
-    chosen = list(equations)
-    terms = true.support[chosen]
-    if not np.all(np.isfinite(bound[chosen][terms])):
+    rows = list(equations)
+    terms = true.support[rows]
+    if not np.all(np.isfinite(bound[rows][terms])):
         return np.nan
-    ratios = ((coefficients - true.coefficients) / bound)[chosen][terms]
+    ratios = ((coefficients - true.coefficients) / bound)[rows][terms]
     value = np.sqrt(np.mean(ratios**2))
     return float(value) if np.isfinite(value) else np.inf
 
@@ -244,11 +246,11 @@ def coverage(
 
     A method without any interval has no counts (NaN); a missed term is not contained.
     """
-    chosen = list(equations)
-    errors = standard_errors[chosen]
+    rows = list(equations)
+    errors = standard_errors[rows]
     if np.all(np.isnan(errors)):
         return {"intervals": np.nan, "intervals_covering": np.nan}
-    terms = true.support[chosen]
-    off = np.abs(coefficients - true.coefficients)[chosen][terms]
-    held = off <= NORMAL_95 * np.nan_to_num(errors[terms])
-    return {"intervals": float(terms.sum()), "intervals_covering": float(held.sum())}
+    terms = true.support[rows]
+    distances = np.abs(coefficients - true.coefficients)[rows][terms]
+    is_covered = distances <= NORMAL_95 * np.nan_to_num(errors[terms])
+    return {"intervals": float(terms.sum()), "intervals_covering": float(is_covered.sum())}
