@@ -106,14 +106,14 @@ def _measure_parts(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     deviation of the channel, and MIN_SIZE without samples.
     """
     values = values[:, np.isfinite(values).any(axis=0)]
-    known = np.isfinite(values)
+    is_finite = np.isfinite(values)
     scaled = (values - np.nanmean(values, axis=0)) / np.nanstd(values, axis=0)
-    scaled = np.where(known, scaled, 0.0)
+    scaled = np.where(is_finite, scaled, 0.0)
 
     def total(array: np.ndarray) -> np.ndarray:
         sums = np.concatenate([np.zeros((1, array.shape[1])), np.cumsum(array, axis=0)])
         return np.diff(sums[edges], axis=0)
 
-    share = np.maximum(total(known), 1)
+    share = np.maximum(total(is_finite), 1)
     variance = total(scaled**2) / share - (total(scaled) / share) ** 2
     return np.sqrt(np.maximum(variance, MIN_SIZE**2))

@@ -121,19 +121,19 @@ def _find_short_channels(series: "Series", mapping: "ColumnMapping", report: dic
     A motion that does not recur, such as that in gusts, is ignored if another channel has as many
     periods. A change of the mean is reported separately.
     """
-    moved = {one["column"] for one in report["problems"] if one["code"] == Code.MEAN_MOVES}
+    moving_columns = {one["column"] for one in report["problems"] if one["code"] == Code.MEAN_MOVES}
     few, enough, least = {}, False, MIN_PERIODS * (1.0 - TIME_ROUNDING)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
-        known = np.isfinite(values)
+        is_finite = np.isfinite(values)
         frequencies = report["channels"][channel.column]["dominant_frequencies_hz"]
-        periods = sampled_time(series.time[known]) * np.array(frequencies)
+        periods = sampled_time(series.time[is_finite]) * np.array(frequencies)
         enough |= bool(np.any(periods >= least))
-        if len(periods) and periods[0] < least and channel.column not in moved:
-            few[channel.column] = known, values, frequencies[0]
+        if len(periods) and periods[0] < least and channel.column not in moving_columns:
+            few[channel.column] = is_finite, values, frequencies[0]
     return [
-        _make_problem(series.rows[known][0], Code.FEW_PERIODS, column, periods=MIN_PERIODS)
-        for column, (known, values, frequency) in few.items()
-        if not enough or _is_recurrent(series.time[known], values[known], frequency)
+        _make_problem(series.rows[is_finite][0], Code.FEW_PERIODS, column, periods=MIN_PERIODS)
+        for column, (is_finite, values, frequency) in few.items()
+        if not enough or _is_recurrent(series.time[is_finite], values[is_finite], frequency)
     ]
 
 
@@ -160,16 +160,16 @@ def _find_copies(series: "Series", mapping: "ColumnMapping", channels: dict) -> 
         fastest = max(f for each in both for f in (*each["dominant_frequencies_hz"], 0.0))
         noises = np.array([each["noise"] for each in both])
         motions = np.array([each["standard_deviation"] for each in both])
-        known = np.isfinite(series.values[:, [i, j]]).all(axis=1)
+        is_finite = np.isfinite(series.values[:, [i, j]]).all(axis=1)
         if (
             one.measures.lstrip("d") == other.measures.lstrip("d")
             or fastest * step > (1.0 + TIME_ROUNDING) / MIN_SAMPLES_PER_PERIOD
             or np.any(motions < MIN_SIGNAL_TO_NOISE * noises)
             or not noises.all()
-            or known.sum() < MIN_DISTINCT_VALUES
+            or is_finite.sum() < MIN_DISTINCT_VALUES
         ):
             continue
-        pair = np.cov((series.values[known][:, [i, j]] / noises).T)
+        pair = np.cov((series.values[is_finite][:, [i, j]] / noises).T)
         least, across = np.linalg.eigh(pair)
         if least[0] < MAX_VARIANCE_RATIO:
             times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
@@ -264,18 +264,18 @@ def _inspect_channel(
     is_rate: whether it is an acceleration, in which random forces look like noise: it is not mostly
     noise if its spectrum has a peak.
     """
-    known = np.isfinite(values)
-    t, y, row = time[known], values[known], rows[known]
+    is_finite = np.isfinite(values)
+    t, y, row = time[is_finite], values[is_finite], rows[is_finite]
     sigma = estimate_noise(y)
     frequency, share = spectrum(t, y, step)
     around, peaks = find_peaks(share)
     turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
     outliers = find_outliers(t, y, frequency[peaks])
-    after = np.flatnonzero(np.diff(t) > MIN_REPORTED_GAP * np.median(np.diff(t))) + 1
+    gap_ends = np.flatnonzero(np.diff(t) > MIN_REPORTED_GAP * np.median(np.diff(t))) + 1
     motion = float(np.std(y))
     thirds = np.array_split(y, 3)
     described = {
-        "missing_percent": float(100 * (1 - known.mean())),
+        "missing_percent": float(100 * (1 - is_finite.mean())),
         **_describe_extent(y),
         "noise": sigma,
         "outliers": int(outliers.sum()),
@@ -286,7 +286,7 @@ def _inspect_channel(
     means = np.array([part.mean() for part in thirds])
     drifts = np.ptp(means) > max(motion, 10 * sigma)
     moves, shift = _find_mean_shift(t, y) if drifts else (0, 0.0)
-    problems, shown = [], "" if unit == "1" else unit
+    problems, unit_text = [], "" if unit == "1" else unit
     coarse = (
         len(peaks) > 0
         and frequency[peaks[0]] * step > (1.0 + TIME_ROUNDING) / MIN_SAMPLES_PER_PERIOD
@@ -296,13 +296,13 @@ def _inspect_channel(
     at_end = np.isin(y, find_saturated_values(y))
     flat = np.convolve(at_end, np.ones(MIN_CLIPPED_SAMPLES), mode="valid") >= MIN_CLIPPED_SAMPLES
     if flat.any():
-        at = int(np.argmax(flat))
-        problems.append((row[at], Code.CLIPPED, {"at": y[at]}))
+        sample = int(np.argmax(flat))
+        problems.append((row[sample], Code.CLIPPED, {"at": y[sample]}))
     elif (jump := _find_jump(t, y, turn / step)) is not None:
-        at, change = jump
-        problems.append((row[at], Code.CHANNEL_JUMPS, {"change": change, "unit": shown}))
+        sample, change = jump
+        problems.append((row[sample], Code.CHANNEL_JUMPS, {"change": change, "unit": unit_text}))
     if (missed := 1.0 - sampled_time(t) / sampled_time(time)) > MAX_MISSING_SHARE:
-        last = row[after[0] - 1] if len(after) else row[-1]
+        last = row[gap_ends[0] - 1] if len(gap_ends) else row[-1]
         problems.append((last, Code.SAMPLES_MISSING, {"share": missed}))
     if (different := len(np.unique(y))) < MIN_DISTINCT_VALUES:
         problems.append((row[0], Code.RESOLVED_COARSELY, {"values": different}))
@@ -312,7 +312,7 @@ def _inspect_channel(
     if coarse:
         problems.append((row[0], Code.SAMPLED_COARSELY, {"samples": MIN_SAMPLES_PER_PERIOD}))
     if moves:
-        problems.append((row[moves], Code.MEAN_MOVES, {"change": shift, "unit": shown}))
+        problems.append((row[moves], Code.MEAN_MOVES, {"change": shift, "unit": unit_text}))
     elif drifts:
         problems.append((row[0], Code.MEAN_DRIFTS, {}))
     problems += [(rows[0], *unlikely) for unlikely in _find_implausible(described, unit, t, y)]
@@ -349,21 +349,21 @@ def _find_jump(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int,
     half = round_down(np.pi / 2.0 / omega / step) if omega else 0
     if half < MEDIAN_SAMPLES or len(time) < 4 * half:
         return None
-    place = (np.arange(2 * half) - half + 0.5) / half
-    shape = np.column_stack([legvander(place, 4), place > 0])
+    position = (np.arange(2 * half) - half + 0.5) / half
+    shape = np.column_stack([legvander(position, 4), position > 0])
     jump = np.correlate(median_filter(values, MEDIAN_SAMPLES), np.linalg.pinv(shape)[-1], "valid")
     uneven = np.abs(np.diff(time) - step) > 0.5 * step  # a gap, or a clock of its own
     jump[np.convolve(uneven, np.ones(2 * half - 1), mode="valid") > 0.5] = np.nan
     size = np.abs(jump)
     if np.isnan(size).all():
         return None
-    at = int(np.nanargmax(size))
+    sample = int(np.nanargmax(size))
     around = JUMP_REACH * half
-    near = size[max(0, at - around) : at + around + 1]  # of a motion that decays
-    usual = max(np.nanmedian(size), np.nanmedian(near)) / 0.6745
-    if size[at] <= max(OUTLIER_DEVIATION * usual, MIN_JUMP * np.ptp(values)):
+    neighbours = size[max(0, sample - around) : sample + around + 1]  # of a motion that decays
+    usual = max(np.nanmedian(size), np.nanmedian(neighbours)) / 0.6745
+    if size[sample] <= max(OUTLIER_DEVIATION * usual, MIN_JUMP * np.ptp(values)):
         return None
-    return at + half, float(jump[at])
+    return sample + half, float(jump[sample])
 
 
 def _find_mean_shift(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
@@ -373,11 +373,11 @@ def _find_mean_shift(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
     """
     count, whole = np.arange(1, len(values)), values - values.mean()
     explained = np.cumsum(whole)[:-1] ** 2 * len(values) / (count * (len(values) - count))
-    at, squares = int(np.argmax(explained)) + 1, whole @ whole
+    sample, squares = int(np.argmax(explained)) + 1, whole @ whole
     line = Legendre.fit(time, whole, 1)(time) - whole
-    if squares - explained[at - 1] > 0.5 * (line @ line):
+    if squares - explained[sample - 1] > 0.5 * (line @ line):
         return 0, 0.0
-    return at, float(values[at:].mean() - values[:at].mean())
+    return sample, float(values[sample:].mean() - values[:sample].mean())
 
 
 def _describe_extent(values: np.ndarray) -> dict[str, float]:
@@ -411,12 +411,12 @@ def _find_implausible(
 
 def _describe_input(series: "Series", column: "InputColumn") -> dict:
     one = series.inputs[column.name]
-    known = np.isfinite(one.values)
+    is_finite = np.isfinite(one.values)
     return {
         "name": column.name,
         "unit": series.units[column.name],
-        **_describe_extent(one.values[known]),
-        "step_s": float(np.median(np.diff(one.time[known]))),
+        **_describe_extent(one.values[is_finite]),
+        "step_s": float(np.median(np.diff(one.time[is_finite]))),
         "between": one.between,
         "error": column.error,
     }
