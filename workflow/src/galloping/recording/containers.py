@@ -94,13 +94,13 @@ class Table:
         names: of the requested columns or, if any is missing, new names of all.
         """
         names = tuple(self.columns if names is None else names)
-        chosen = names if set(names) <= set(self.columns) else tuple(self.columns)
-        if len(chosen) != len(names):
+        column_names = names if set(names) <= set(self.columns) else tuple(self.columns)
+        if len(column_names) != len(names):
             have = f"{len(self.columns)} columns, {', '.join(self.columns):.60}"
             raise ValueError(f"{self.what}: has {have}; must be {', '.join(names):.60}")
-        if not chosen:
+        if not column_names:
             raise ValueError(f"{self.what}: has no columns")
-        values = [as_floats(f"{self.what}: {n}", self.columns[n], (None,)) for n in chosen]
+        values = [as_floats(f"{self.what}: {n}", self.columns[n], (None,)) for n in column_names]
         if len({*map(len, values)}) > 1:
             raise ValueError(f"{self.what}: columns differ in length")
         return names, np.column_stack(values)

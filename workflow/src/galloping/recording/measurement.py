@@ -63,11 +63,11 @@ class Protocol:
         elif self.measures == ALL_STATES:
             states = level * scale[0]
         elif self.measures == DISPLACEMENTS_ALONE:
-            measured = list(pairs)
-            states[measured] = level * scale[0, measured]
+            columns = list(pairs)
+            states[columns] = level * scale[0, columns]
         else:
-            measured = list(pairs.values())
-            rates[measured] = level * scale[1, measured]
+            columns = list(pairs.values())
+            rates[columns] = level * scale[1, columns]
         return Noise(states, rates)
 
     def noise_unit(self, relative: bool) -> str:

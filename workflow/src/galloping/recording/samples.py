@@ -127,10 +127,10 @@ class Input(Immutable):
 
     @cached_property
     def _pieces(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        known = np.isfinite(self.values)
-        time, values = self.time[known], self.values[known]
+        is_finite = np.isfinite(self.values)
+        time, values = self.time[is_finite], self.values[is_finite]
         if self.between == "zero":
-            rows = np.diff(np.flatnonzero(known))
+            rows = np.diff(np.flatnonzero(is_finite))
             is_gap = rows > 1.5 * np.median(rows)
         else:
             steps = np.diff(time)
@@ -172,21 +172,21 @@ class Input(Immutable):
         """Evaluate the input at those times, (n,), NaN in gaps."""
         time = np.asarray(time, float)
         evaluated = np.full(time.shape, np.nan)
-        for k, (at, values) in enumerate(self._pieces):
-            inside = self._is_within(at, time)
-            moments = np.clip(time[inside], at[0], at[-1])
+        for k, (sample_times, values) in enumerate(self._pieces):
+            inside = self._is_within(sample_times, time)
+            moments = np.clip(time[inside], sample_times[0], sample_times[-1])
             if self.between == "zero":
-                evaluated[inside] = values[np.searchsorted(at, moments, side="right") - 1]
+                evaluated[inside] = values[np.searchsorted(sample_times, moments, side="right") - 1]
             elif self.between == "linear":
-                evaluated[inside] = np.interp(moments, at, values)
+                evaluated[inside] = np.interp(moments, sample_times, values)
             else:
                 evaluated[inside] = self._splines[k](moments)
         return evaluated
 
     def last_sample(self, time: ArrayLike) -> NDArray[np.float64]:
         """Return the last sample at or before each time, NaN if it is missing."""
-        place = np.searchsorted(self.time, np.asarray(time, float), side="right") - 1
-        return np.where(place < 0, np.nan, self.values[np.maximum(place, 0)])
+        row = np.searchsorted(self.time, np.asarray(time, float), side="right") - 1
+        return np.where(row < 0, np.nan, self.values[np.maximum(row, 0)])
 
     def mean_around(self, time: ArrayLike, width: float) -> NDArray[np.float64]:
         """Average the input over an interval of `width` seconds centred at each time.
@@ -195,19 +195,23 @@ class Input(Immutable):
         """
         time = np.asarray(time, float)
         means = np.full(time.shape, np.nan)
-        for k, (at, values) in enumerate(self._pieces):
-            inside = self._is_within(at, time)
-            ends = np.clip(time[inside] + width * np.array([[-0.5], [0.5]]), at[0], at[-1])
+        for k, (sample_times, values) in enumerate(self._pieces):
+            inside = self._is_within(sample_times, time)
+            ends = np.clip(
+                time[inside] + width * np.array([[-0.5], [0.5]]), sample_times[0], sample_times[-1]
+            )
             if self.between == "cubic":
                 integral = self._splines[k].antiderivative()(ends)
             else:
                 last = values[:-1] if self.between == "zero" else (values[:-1] + values[1:]) / 2.0
-                place = np.clip(np.searchsorted(at, ends, side="right") - 1, 0, len(at) - 2)
-                since = ends - at[place]
-                integral = np.append(0.0, np.cumsum(last * np.diff(at)))[place]
-                integral += values[place] * since
+                row = np.clip(
+                    np.searchsorted(sample_times, ends, side="right") - 1, 0, len(sample_times) - 2
+                )
+                elapsed = ends - sample_times[row]
+                integral = np.append(0.0, np.cumsum(last * np.diff(sample_times)))[row]
+                integral += values[row] * elapsed
                 if self.between == "linear":
-                    integral += 0.5 * (np.diff(values) / np.diff(at))[place] * since**2
+                    integral += 0.5 * (np.diff(values) / np.diff(sample_times))[row] * elapsed**2
             means[inside] = np.diff(integral, axis=0)[0] / np.diff(ends, axis=0)[0]
         return means
 
@@ -272,8 +276,8 @@ def fit_windows(
     half = np.diff(breaks)[:, None] / 2.0
     time = breaks[:-1, None] + half * (1.0 + points)
     signals = np.stack([evaluate_extended(one, time) for one in inputs])
-    place = np.clip((time - edges[window][:, None]) / step, 0.0, 1.0)
-    basis = legvander(2.0 * place - 1.0, degree) * (2 * np.arange(degree + 1) + 1.0)
+    position = np.clip((time - edges[window][:, None]) / step, 0.0, 1.0)
+    basis = legvander(2.0 * position - 1.0, degree) * (2 * np.arange(degree + 1) + 1.0)
     weighted = basis * (half * weights / step)[..., None]
     first = np.searchsorted(window, np.arange(windows))
     for k, factor in enumerate(factors):
@@ -296,13 +300,13 @@ def fit_errors(
     polynomials, and of the first and second integral of this difference within the windows.
     """
     windows, n_powers, _ = powers.shape
-    place = (np.arange(WINDOW_POINTS) + 0.5) / WINDOW_POINTS
-    time = start + step * (np.arange(windows)[:, None] + place)
+    position = (np.arange(WINDOW_POINTS) + 0.5) / WINDOW_POINTS
+    time = start + step * (np.arange(windows)[:, None] + position)
     signals = np.stack([evaluate_extended(one, time) for one in inputs])
     errors = []
     for k, factor in enumerate(factors):
         values = np.prod(signals ** np.array(factor, float)[:, None, None], axis=0)
-        rest = values - powers[:, :, k] @ place ** np.arange(n_powers)[:, None]
+        rest = values - powers[:, :, k] @ position ** np.arange(n_powers)[:, None]
         once = np.cumsum(rest, axis=1) * step / WINDOW_POINTS
         twice = np.cumsum(once, axis=1) * step / WINDOW_POINTS
         errors.append([np.sqrt(np.mean(each**2)) for each in (rest, once, twice)])
@@ -312,12 +316,12 @@ def fit_errors(
 def evaluate_extended(one: Input, time: np.ndarray) -> np.ndarray:
     """Evaluate an input at given times, with times in gaps moved to the nearest sample."""
     ends = np.array(one.stretches)
-    after = np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1)
-    later = np.minimum(after + 1, len(ends) - 1)
-    last, following = ends[after, 1], ends[later, 0]
-    sooner = (later > after) & (time > last) & (following - time < time - last)
+    stretch = np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1)
+    later = np.minimum(stretch + 1, len(ends) - 1)
+    last, following = ends[stretch, 1], ends[later, 0]
+    sooner = (later > stretch) & (time > last) & (following - time < time - last)
     nearest = np.where(sooner, following, last)
-    inside = (time >= ends[after, 0]) & (time <= last)
+    inside = (time >= ends[stretch, 0]) & (time <= last)
     return one(np.where(inside, time, np.where(time < ends[0, 0], ends[0, 0], nearest)))
 
 
@@ -408,8 +412,8 @@ class Recording(Immutable):
         shape = len(time), len(states)
         checked: dict[str, Any] = {"time": time, "states": states}
         for name in ("values", "rates"):
-            if (given := getattr(self, name)) is not None:
-                array = checked[name] = as_floats(f"recording: {name}", given, shape)
+            if (data := getattr(self, name)) is not None:
+                array = checked[name] = as_floats(f"recording: {name}", data, shape)
                 if np.isinf(array).any():
                     row, column = np.argwhere(np.isinf(array))[0]
                     raise ValueError(
@@ -419,11 +423,11 @@ class Recording(Immutable):
         if self.exact and self.rates is None:
             raise ValueError("recording: exact: True; must be False without rates")
         for name in ("unknown_offsets", "unknown_scales"):
-            if (given := getattr(self, name)) is not None:
-                checked[name] = array = np.asarray(given)
+            if (data := getattr(self, name)) is not None:
+                checked[name] = array = np.asarray(data)
                 if array.dtype != bool or array.shape != shape[1:]:
                     raise ValueError(
-                        f"recording: {name}: {given!r:.60}; must be a truth value a state"
+                        f"recording: {name}: {data!r:.60}; must be a truth value a state"
                     )
         if self.known_noise is not None:
             noise = as_floats("recording: known_noise", self.known_noise, (2, len(states)))
@@ -567,9 +571,9 @@ def sampling_step(time: NDArray[np.float64], values: NDArray[np.float64]) -> flo
 
     time: (n,). values: (n, n_channels), NaN where missing: loggers may write the sensors in turn.
     """
-    known = np.isfinite(values)
-    times = [time[column] for column in known.T if not column.all() and column.sum() > 1]
-    times += [time] if not known.size or known.all(axis=0).any() else []
+    is_finite = np.isfinite(values)
+    times = [time[column] for column in is_finite.T if not column.all() and column.sum() > 1]
+    times += [time] if not is_finite.size or is_finite.all(axis=0).any() else []
     steps = [np.median(np.diff(each)) for each in times]
     return float(min(steps, default=np.median(np.diff(time))))
 
