@@ -108,17 +108,19 @@ class FileTable:
         unless the specified one is `1`, which leaves numbers unchanged, or the text in the file is
         no unit, such as `counts`. Raises FileError.
         """
-        stated = self.unit(name).split(" since ")[0]
+        file_unit = self.unit(name).split(" since ")[0]
         try:
-            if not specified and is_scaled(stated):  # `50 mm` may be the range of a sensor
-                raise UnitError(f"unit {stated!r:.60} is a number of units; say what one count is")
-            converted = convert(specified or stated)
+            if not specified and is_scaled(file_unit):  # `50 mm` may be the range of a sensor
+                raise UnitError(
+                    f"unit {file_unit!r:.60} is a number of units; say what one count is"
+                )
+            converted = convert(specified or file_unit)
         except UnitError as error:
             raise FileError(f"{self.label(name)}: {error}") from error
         with suppress(UnitError):
-            if specified not in (None, "1") and stated and convert(stated) != converted:
+            if specified not in (None, "1") and file_unit and convert(file_unit) != converted:
                 raise FileError(
-                    f"{self.label(name)} is in {stated} by the file and in {specified} by the "
+                    f"{self.label(name)} is in {file_unit} by the file and in {specified} by the "
                     "mapping; must be the same"
                 )
         return converted

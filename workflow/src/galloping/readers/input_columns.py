@@ -27,11 +27,11 @@ def read_inputs(
     """
     inputs = {}
     for column, samples in zip(columns, values.T, strict=True):
-        known = samples[np.isfinite(samples)]
-        if len(known) < 2:
-            raise FileError(f"{table.label(column.column)} has {len(known)} samples")
+        finite_samples = samples[np.isfinite(samples)]
+        if len(finite_samples) < 2:
+            raise FileError(f"{table.label(column.column)} has {len(finite_samples)} samples")
         kinds = {kind: _make_input(column, time, samples, kind) for kind in INTERPOLATIONS}
-        likely = column.between or ("zero" if _is_staircase(known) else "cubic")
+        likely = column.between or ("zero" if _is_staircase(finite_samples) else "cubic")
         others = tuple(kinds[kind] for kind in INTERPOLATIONS if kind != likely)
         alternatives = () if column.between else others
         inputs[column.name] = replace(kinds[likely], alternatives=alternatives)
@@ -40,15 +40,15 @@ def read_inputs(
 
 def _make_input(column: InputColumn, time: np.ndarray, values: np.ndarray, between: str) -> Input:
     """Make an input with one kind of interpolation. values: (n,), NaN if missing."""
-    known = np.flatnonzero(np.isfinite(values))
-    if between != "zero" and count_rows_per_sample(values[known]) > 1:
-        known = known[np.append(True, np.diff(values[known]) != 0)]
-    steps = np.diff(time[known])
-    kept = np.zeros(len(values), bool)
-    kept[known] = True
+    finite_rows = np.flatnonzero(np.isfinite(values))
+    if between != "zero" and count_rows_per_sample(values[finite_rows]) > 1:
+        finite_rows = finite_rows[np.append(True, np.diff(values[finite_rows]) != 0)]
+    steps = np.diff(time[finite_rows])
+    is_kept = np.zeros(len(values), bool)
+    is_kept[finite_rows] = True
     for k in np.flatnonzero(steps > MAX_INTERPOLATED_STEPS * np.median(steps)):
-        kept[known[k] : known[k + 1]] = True
-    return Input(time[kept] - column.delay, values[kept], between, column.error)
+        is_kept[finite_rows[k] : finite_rows[k + 1]] = True
+    return Input(time[is_kept] - column.delay, values[is_kept], between, column.error)
 
 
 def _is_staircase(values: np.ndarray) -> bool:

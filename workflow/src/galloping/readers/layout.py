@@ -64,14 +64,14 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
     it is unclear which row names the columns.
     """
     rows, starts = _join_quoted(lines)
-    written = [k for k, row in enumerate(rows) if row.strip(" ,;\t\r")]
-    plain = [k for k in written if not rows[k].startswith(COMMENT_MARKS)]
+    filled_rows = [k for k, row in enumerate(rows) if row.strip(" ,;\t\r")]
+    plain = [k for k in filled_rows if not rows[k].startswith(COMMENT_MARKS)]
     if not plain:
         raise FileError("no header")
     separator, columns = _find_separator(rows, plain, decimal)
     if columns > MAX_COLUMNS:
         raise FileError(f"{columns} columns are more than {MAX_COLUMNS}")
-    cells = {k: _split_row(rows[k], separator, columns) for k in written}
+    cells = {k: _split_row(rows[k], separator, columns) for k in filled_rows}
     whole = [k for k in plain if len(cells[k]) == columns]
     notes = []
     if decimal is None:
@@ -79,19 +79,21 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
         if decimal == ",":
             notes.append("commas were read as decimal marks")
     first = _find_first_row(cells, plain, columns, decimal)
-    above = [k for k in written if first is None or k < first]
+    head_rows = [k for k in filled_rows if first is None or k < first]
     data = [cells[k] for k in whole if first is not None and k >= first]
     empty = [not any(row[j] for row in data) for j in range(columns)] if data else []
     is_numbered = [row[0] for row in data] == [str(k + 1) for k in range(len(data))]
-    fitted = {
+    fitted_cells = {
         k: row
-        for k in above
+        for k in head_rows
         if (row := _fit_row(cells[k], columns, empty, is_numbered)) is not None
     }
-    units_row = _find_units(fitted, cells)
+    units_row = _find_units(fitted_cells, cells)
     candidates = {
-        k: _fill_names(row, fitted.get(k - 1, [])) for k, row in fitted.items() if k != units_row
-    } or fitted
+        k: _fill_names(row, fitted_cells.get(k - 1, []))
+        for k, row in fitted_cells.items()
+        if k != units_row
+    } or fitted_cells
     header = _find_header(candidates, time, decimal, starts)
     if header is None:
         if first is None:
@@ -107,7 +109,7 @@ def find_layout(lines: list[str], decimal: str | None, time: str | None) -> Layo
         notes.append(f"rows before the data were left out: {len(unused)}, from row {unused[0]} on")
     units: list[str | None] = [None] * columns
     if units_row is not None and units_row != header:
-        row = fitted[units_row]
+        row = fitted_cells[units_row]
         units = [None if UNITS_LABEL.fullmatch(c) else c.strip("[]()") or None for c in row]
     line = starts[first] + 1 if first < len(starts) else len(lines) + 1
     return Layout(separator, decimal, names, units, first, line, tuple(notes))
@@ -165,7 +167,7 @@ def _find_separator(
     the first whole row is a header. `csv.Sniffer` would choose decimal commas.
     """
     candidates = []
-    for place, separator in enumerate(SEPARATORS):
+    for rank, separator in enumerate(SEPARATORS):
         if separator is not None and separator == decimal:
             continue
         split = [split_cells(rows[k], separator) for k in plain]
@@ -178,7 +180,7 @@ def _find_separator(
                 len(_drop_empty_end(row)) in (columns, columns + 1) and not _is_data(row, decimal)
                 for row in split
             )
-            candidates.append((round(-2 * share), not headed, place, separator, columns))
+            candidates.append((round(-2 * share), not headed, rank, separator, columns))
     if not candidates:
         raise FileError(
             f"row {plain[-1] + 1}: {rows[plain[-1]]!r:.60} is one column, or rows differ; columns "
@@ -250,24 +252,24 @@ def _fit_row(
     the rows do not have are left out. empty: whether each column has no samples. is_numbered:
     whether the first column numbers the rows; R gives it no name.
     """
-    kept = _drop_empty_end(row)
-    if len(kept) == columns + 1 and _is_label(kept[0]):
-        kept = kept[1:]
-    elif len(kept) == columns + 1 and kept[-1].casefold() in REMARKS:
-        kept = kept[:-1]
-    short = columns - len(kept)
-    if not kept or short < 0:
+    cells = _drop_empty_end(row)
+    if len(cells) == columns + 1 and _is_label(cells[0]):
+        cells = cells[1:]
+    elif len(cells) == columns + 1 and cells[-1].casefold() in REMARKS:
+        cells = cells[:-1]
+    short = columns - len(cells)
+    if not cells or short < 0:
         return None
-    if short == 0 or len(row) == columns or (empty and all(empty[len(kept) :])):
-        return kept + [""] * short
-    return ["", *kept] if short == 1 and is_numbered else None
+    if short == 0 or len(row) == columns or (empty and all(empty[len(cells) :])):
+        return cells + [""] * short
+    return ["", *cells] if short == 1 and is_numbered else None
 
 
 def _drop_empty_end(row: Sequence[str]) -> list[str]:
-    kept = list(row)
-    while kept and not kept[-1]:
-        kept.pop()
-    return kept
+    cells = list(row)
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
 
 
 def _is_label(cell: str) -> bool:
@@ -275,7 +277,9 @@ def _is_label(cell: str) -> bool:
     return is_label or bool(UNITS_LABEL.fullmatch(cell))
 
 
-def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]]) -> int | None:
+def _find_units(
+    fitted_cells: Mapping[int, list[str]], cells: Mapping[int, list[str]]
+) -> int | None:
     """Find the index of the row of units nearest to the numbers.
 
     It has such a label, it begins with a unit of times, or most of its cells are units and not all
@@ -285,21 +289,21 @@ def _find_units(fitted: Mapping[int, list[str]], cells: Mapping[int, list[str]])
     def is_units(k: int) -> bool:
         if UNITS_LABEL.fullmatch(cells[k][0]):
             return True
-        filled = [bare for cell in fitted[k] if (bare := cell.strip("[]()"))]
-        if any(split_header(cell)[1] and not is_unit(cell) for cell in fitted[k]):
+        filled = [bare for cell in fitted_cells[k] if (bare := cell.strip("[]()"))]
+        if any(split_header(cell)[1] and not is_unit(cell) for cell in fitted_cells[k]):
             return False
         if filled and filled[0] in SHORT_TIME_UNITS:
             return True
         n_units = sum(is_unit(cell) or cell.casefold() in LOGGER_UNITS for cell in filled)
-        return _count_known_names(fitted[k]) < len(filled) <= 2 * n_units
+        return _count_known_names(fitted_cells[k]) < len(filled) <= 2 * n_units
 
-    return next((k for k in sorted(fitted, reverse=True) if is_units(k)), None)
+    return next((k for k in sorted(fitted_cells, reverse=True) if is_units(k)), None)
 
 
-def _fill_names(names: Sequence[str], above: Sequence[str]) -> list[str]:
+def _fill_names(names: Sequence[str], upper_names: Sequence[str]) -> list[str]:
     """Fill cells without a name, or with a unit of times, from known names in the row above."""
     filled = list(names)
-    for j, (name, upper) in enumerate(zip(names, above, strict=False)):
+    for j, (name, upper) in enumerate(zip(names, upper_names, strict=False)):
         if name in SHORT_TIME_UNITS | {""} and _count_known_names([upper]):
             filled[j] = f"{upper} [{name}]" if name else upper
     return filled
@@ -323,9 +327,11 @@ def _find_header(
     """
     if time is not None:
         name = split_header(time)[0]
-        named = [k for k, row in candidates.items() if name in (split_header(c)[0] for c in row)]
-        if named:
-            return max(named, key=lambda k: _count_known_names(candidates[k]))
+        time_rows = [
+            k for k, row in candidates.items() if name in (split_header(c)[0] for c in row)
+        ]
+        if time_rows:
+            return max(time_rows, key=lambda k: _count_known_names(candidates[k]))
     text = {
         k: row for k, row in candidates.items() if not any(_is_number(c, decimal) for c in row if c)
     } or {k: row for k, row in candidates.items() if not _is_data(row, decimal)}
@@ -333,12 +339,12 @@ def _find_header(
         return None
 
     def differs(row: Sequence[str]) -> bool:
-        kept = _drop_empty_end(row)
-        return len(set(kept)) == len(kept)
+        cells = _drop_empty_end(row)
+        return len(set(cells)) == len(cells)
 
-    known = {k: _count_known_names(row) for k, row in text.items()}
-    best = max(text, key=lambda k: (known[k] > 1, differs(text[k]), known[k], k))
-    if len(text) > 1 and not differs(text[best]) and known[best] < 2:
+    name_counts = {k: _count_known_names(row) for k, row in text.items()}
+    best = max(text, key=lambda k: (name_counts[k] > 1, differs(text[k]), name_counts[k], k))
+    if len(text) > 1 and not differs(text[best]) and name_counts[best] < 2:
         rows = list_first([str(starts[k] + 1) for k in text], MAX_LISTED_NAMES)
         raise FileError(
             f"rows {rows} look like names of columns, and each has cells that are alike; keep one "
@@ -355,12 +361,12 @@ def _check_headless(
     separator: str | None,
 ) -> None:
     """Raise FileError if the row next to the numbers looks like names, with another count."""
-    above, columns = cells.get(first - 1, []), len(cells[first])
-    if len(above) < 2 or rows[first - 1].startswith(COMMENT_MARKS):
+    head_cells, columns = cells.get(first - 1, []), len(cells[first])
+    if len(head_cells) < 2 or rows[first - 1].startswith(COMMENT_MARKS):
         return
-    halved = separator == "," and columns == 2 * len(above)
+    halved = separator == "," and columns == 2 * len(head_cells)
     hint = f"; {DECIMAL_HINT}, and another separator between columns" if halved else ""
     raise FileError(
-        f"row {starts[first - 1] + 1}, the header, has {len(above)} cells, row {starts[first] + 1} "
-        f"has {columns}{hint}"
+        f"row {starts[first - 1] + 1}, the header, has {len(head_cells)} cells, row "
+        f"{starts[first] + 1} has {columns}{hint}"
     )

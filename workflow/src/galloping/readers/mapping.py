@@ -226,14 +226,14 @@ def validate_mapping(content: object) -> ColumnMapping:
 
 
 def _describe_problem(problem: Mapping[str, Any]) -> str:
-    place = ".".join(str(key) for key in problem["loc"] if key not in ("str", "float"))
+    location = ".".join(str(key) for key in problem["loc"] if key not in ("str", "float"))
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "value_error":
-        return f"{place}: {message}" if place else message
+        return f"{location}: {message}" if location else message
     if problem["type"] == "missing":
-        return f"{place}: is missing"
+        return f"{location}: is missing"
     message = PROBLEM_TEXTS.get(problem["type"]) or message.replace("Input should", "must")
-    return f"{place or 'mapping'}: {problem['input']!r:.60}: {message}"
+    return f"{location or 'mapping'}: {problem['input']!r:.60}: {message}"
 
 
 def read_mapping(path: str | Path) -> ColumnMapping:
@@ -254,13 +254,13 @@ def parse_channel(text: str) -> dict:
     another form.
     """
     measures, _, source = text.partition("=")
-    header, at, position = source.partition("@")
+    header, separator, position = source.partition("@")
     column, unit = split_header(header)
-    if not measures.strip() or not column or (at and not position.strip()):
+    if not measures.strip() or not column or (separator and not position.strip()):
         raise MappingError(
             f"--measure {text!r}: expected STATE=COLUMN[UNIT]@POSITION, such as q_v=mid[mm]@150"
         )
-    if at and not NUMBER.fullmatch(position.strip()):
+    if separator and not NUMBER.fullmatch(position.strip()):
         raise MappingError(f"--measure {text!r}: position {position!r} is not a number of metres")
     channel = {"measures": measures.strip(), "column": column, "unit": unit, "position": position}
     return {key: value.strip() for key, value in channel.items() if value}
@@ -272,11 +272,11 @@ def parse_input(text: str, between: str | None = None) -> dict:
     All but the name of the input are optional. Returns plain values. Raises MappingError if the
     text has another form.
     """
-    body, given, error = text.partition("+-")
+    body, separator, error = text.partition("+-")
     name, equals, header = body.partition("=")
     column, unit = split_header(header if equals else name)
     percent = PERCENT.fullmatch(error)
-    if not name.strip() or not column or bool(given) != bool(percent):
+    if not name.strip() or not column or bool(separator) != bool(percent):
         raise MappingError(
             f"--input {text!r}: expected NAME=COLUMN[UNIT] +- ERROR %, such as U or "
             "'U=wind[m/s] +- 2 %'"

@@ -191,9 +191,9 @@ def propose(
     ]
     order = {name: derivative_order(name, unit_of(name)) for name in others}
     channels = [
-        as_entry(name, measures=measured)
+        as_entry(name, measures=quantity)
         for name in others
-        if (measured := measured_quantity(name, unit_of(name)))
+        if (quantity := measured_quantity(name, unit_of(name)))
         if not is_no_direction(name, [n for n in others if order[n] == order[name]], table.columns)
     ]
     for each in channels:
@@ -204,18 +204,18 @@ def propose(
             remedy += measure_option(each["measures"], each["column"])
             doubts[each["column"]] = Doubt(cause, remedy)
     for name in others:
-        if measured := quantity_by_name_alone(name, unit_of(name)):
-            channels.append({"column": name, "measures": measured})
-            doubts[name] = _doubt_unit_against_name(name, measured, unit_of(name))
+        if quantity := quantity_by_name_alone(name, unit_of(name)):
+            channels.append({"column": name, "measures": quantity})
+            doubts[name] = _doubt_unit_against_name(name, quantity, unit_of(name))
     if not channels:
         clear = [name for name in others if name not in table.unclear]
-        for measured, name in _guess_channels(table, clear, unit_of).items():
-            channels.append(as_entry(name, measures=measured))
+        for quantity, name in _guess_channels(table, clear, unit_of).items():
+            channels.append(as_entry(name, measures=quantity))
             unit = "" if table.unit(name) else unit_of(name) or _guess_unit(table, name, clear)
             doubts[name] = Doubt(
                 f"the name of column {name!r} does not say what it measures, which could only be "
                 "guessed from its place among the columns",
-                f"say so, such as {measure_option(measured, name, unit)}, or check and edit the "
+                f"say so, such as {measure_option(quantity, name, unit)}, or check and edit the "
                 f"mapping that `galloping inspect {table.path} --write-map map.yaml` writes",
             )
     for name in (clock, *(each["column"] for each in channels)):
@@ -229,13 +229,13 @@ def propose(
     return Proposal(tuple(table.columns), table.content, times, channels, doubts)
 
 
-def _doubt_unit_against_name(name: str, measured: str, unit: str) -> Doubt:
-    wanted, why = state_unit(measured), "a pixel is no length"
+def _doubt_unit_against_name(name: str, quantity: str, unit: str) -> Doubt:
+    si_unit, why = state_unit(quantity), "a pixel is no length"
     if not is_pixel(unit):
         why = f"unit {unit!r} measures something else" if is_unit(unit) else f"{unit!r} is no unit"
     return Doubt(
-        f"column {name!r} is the {meaning(measured)} by its name, and {why}",
-        f"say what one of its numbers is, such as {unit_options([(name, f'2.5 m{wanted}')])}, or "
+        f"column {name!r} is the {meaning(quantity)} by its name, and {why}",
+        f"say what one of its numbers is, such as {unit_options([(name, f'2.5 m{si_unit}')])}, or "
         "say with --measure which columns count",
     )
 

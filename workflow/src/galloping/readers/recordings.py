@@ -28,7 +28,7 @@ def make_recording(series: Series, mapping: ColumnMapping) -> Recording:
         time, columns = _align_channels(series, mapping)
     n = len(mapping.states)
     # of the states, then of their rates
-    measured, noise = np.full((2, len(time), n), np.nan), np.full((2, n), np.nan)
+    motion, noise = np.full((2, len(time), n), np.nan), np.full((2, n), np.nan)
     unknown = np.zeros((2, n), bool)
     for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
         group = [k for k, channel in enumerate(mapping.channels) if channel.measures == measures]
@@ -36,12 +36,12 @@ def make_recording(series: Series, mapping: ColumnMapping) -> Recording:
         state, is_rate = mapping.target(channels[0])
         weights = _mode_weights(channels, mapping.span)
         together = np.column_stack(_interpolate_together(time, [columns[k] for k in group]))
-        measured[int(is_rate), :, state] = together @ weights
+        motion[int(is_rate), :, state] = together @ weights
         noise[int(is_rate), state] = np.linalg.norm(weights * series.noise[group])
         unknown[int(is_rate), state] = any(
             (channel.offset if is_rate else channel.scale) == "unknown" for channel in channels
         )
-    (values, rates), (scales, offsets) = measured, unknown
+    (values, rates), (scales, offsets) = motion, unknown
     return Recording(
         time, mapping.states, values,
         rates=rates if np.isfinite(rates).any() else None,
@@ -59,17 +59,17 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     MIN_SAMPLES samples or shorter than MIN_PART_PERIODS are left out, unless no part is longer and
     the inputs are known throughout. Raises ValueError if no part is left.
     """
-    measured = np.any(np.isfinite(recording.values), axis=1)
+    is_measured = np.any(np.isfinite(recording.values), axis=1)
     if recording.rates is not None:
-        measured = measured | np.any(np.isfinite(recording.rates), axis=1)
+        is_measured = is_measured | np.any(np.isfinite(recording.rates), axis=1)
     driven = np.full(len(recording.time), True)
     for driving in recording.inputs.values():
         driven = driven & driving.covered(recording.time)
     is_known = driven & ~_find_silent_samples(recording, MAX_SILENT_PERIODS * period)
-    rows = np.flatnonzero(measured & is_known)
-    apart = np.diff(recording.time[rows]) > period
-    apart |= np.diff(np.cumsum(~is_known)[rows]) > 0
-    parts = np.split(rows, np.flatnonzero(apart) + 1)
+    rows = np.flatnonzero(is_measured & is_known)
+    is_apart = np.diff(recording.time[rows]) > period
+    is_apart |= np.diff(np.cumsum(~is_known)[rows]) > 0
+    parts = np.split(rows, np.flatnonzero(is_apart) + 1)
     long = [
         slice(int(part[0]), int(part[-1]) + 1)
         for part in parts
@@ -126,15 +126,15 @@ def _mode_weights(channels: list[Channel], span: float | None) -> np.ndarray:
 def _interpolate_together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
     """Interpolate columns with other times to the times of the first one."""
     first, *others = [np.isfinite(column) for column in columns]
-    if all(np.count_nonzero(first & known) >= 0.5 * known.sum() for known in others):
+    if all(np.count_nonzero(first & is_finite) >= 0.5 * is_finite.sum() for is_finite in others):
         return columns
     step = np.median(np.diff(time[first]))
     interpolated = [columns[0]]
-    for column, known in zip(columns[1:], others, strict=True):
-        knots = time[known]
-        values = CubicSpline(knots, column[known], extrapolate=False)(time)
-        after = np.minimum(np.searchsorted(knots, time), len(knots) - 1)
-        gaps = knots[after] - knots[np.maximum(after - 1, 0)]
+    for column, is_finite in zip(columns[1:], others, strict=True):
+        knots = time[is_finite]
+        values = CubicSpline(knots, column[is_finite], extrapolate=False)(time)
+        next_knot = np.minimum(np.searchsorted(knots, time), len(knots) - 1)
+        gaps = knots[next_knot] - knots[np.maximum(next_knot - 1, 0)]
         interpolated.append(np.where(gaps < 2.5 * step, values, np.nan))
     return interpolated
 

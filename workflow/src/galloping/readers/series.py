@@ -186,20 +186,21 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"column {channel.column!r} repeats each sample of a slower sensor: "
                 f"{repeats.sum()} repetitions were left out"
             )
-        known = column[np.isfinite(column)]
-        if len(known) < MIN_SAMPLES:
+        samples = column[np.isfinite(column)]
+        if len(samples) < MIN_SAMPLES:
             raise FileError(
-                f"{table.label(channel.column)} has {len(known)} samples, fewer than the "
+                f"{table.label(channel.column)} has {len(samples)} samples, fewer than the "
                 f"{MIN_SAMPLES} needed"
             )
-        if np.ptp(known) == 0:
+        if np.ptp(samples) == 0:
             raise FileError(
-                f"{table.label(channel.column)} is {known[0]:g} throughout: the sensor did not work"
+                f"{table.label(channel.column)} is {samples[0]:g} throughout: the sensor did not "
+                "work"
             )
     _check_distinct(table, mapping, values)
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
-    used = {split_header(each.column)[0] for each in mapping.columns}
-    unused = tuple(name for name in table.columns if name not in used)
+    used_columns = {split_header(each.column)[0] for each in mapping.columns}
+    unused = tuple(name for name in table.columns if name not in used_columns)
     of_motion = tuple(
         name
         for name in unused
@@ -222,8 +223,8 @@ def unwrap_angle(values: np.ndarray, turn: float) -> tuple[np.ndarray, int]:
     within half a turn of zero, or the values if they do not wrap; and the number of jumps that were
     removed.
     """
-    known = np.isfinite(values)
-    angle = values[known]
+    is_finite = np.isfinite(values)
+    angle = values[is_finite]
     steps = np.abs(np.diff(angle))
     jumps = steps > turn / 2.0
     if not jumps.any() or jumps.all() or np.ptp(angle) > turn * (1.0 + 1e-9):
@@ -234,7 +235,7 @@ def unwrap_angle(values: np.ndarray, turn: float) -> tuple[np.ndarray, int]:
         return values, 0
     unwrapped = np.unwrap(angle, period=turn)
     continuous = values.copy()
-    continuous[known] = unwrapped - turn * np.round(np.median(unwrapped) / turn)
+    continuous[is_finite] = unwrapped - turn * np.round(np.median(unwrapped) / turn)
     return continuous, int(jumps.sum())
 
 
@@ -260,17 +261,17 @@ def check_no_shared_rows(series: Sequence[Series]) -> None:
     Raises FileError if one does. Blocks of rows in which no column has more than MAX_CHANCE_VALUES
     different values are ignored.
     """
-    known: dict[bytes, Series] = {}
+    series_by_block: dict[bytes, Series] = {}
     for one in series if len(series) > 1 else ():
         blocks = sliding_window_view(one.values, BLOCK_ROWS, axis=0)
         for k, block in enumerate(blocks):
-            other = known.get(block.tobytes())
+            other = series_by_block.get(block.tobytes())
             if other and max(len(np.unique(column)) for column in block) > MAX_CHANCE_VALUES:
                 raise FileError(
                     f"{one.path}: row {one.rows[k]} and those after it are also in {other.path}: "
                     "a recording counts once"
                 )
-        known |= {block.tobytes(): one for block in blocks[::BLOCK_ROWS]}
+        series_by_block |= {block.tobytes(): one for block in blocks[::BLOCK_ROWS]}
 
 
 def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -280,15 +281,15 @@ def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     the sensor rests. It rests together with the other columns, or from the first sample on, or it
     slows down before and speeds up after. A column with a single value is not stuck.
     """
-    held = [_find_held(values) for values in columns]
-    all_rest = np.all(held, axis=0) & (len(held) > 1)
+    is_repeated = [_find_held(values) for values in columns]
+    all_rest = np.all(is_repeated, axis=0) & (len(is_repeated) > 1)
     stuck_samples = []
-    for values, repeats in zip(columns, held, strict=True):
+    for values, repeats in zip(columns, is_repeated, strict=True):
         stuck = repeats.copy()
         edges = np.flatnonzero(np.diff(np.r_[False, repeats, False].astype(int)))
         for first, end in edges.reshape(-1, 2):
             alone = not all_rest[first:end].mean() > JOINT_REST_SHARE
-            first_of_all = first <= 1 and len(held) == 1
+            first_of_all = first <= 1 and len(is_repeated) == 1
             if not alone or first_of_all or _is_slow(values, int(first) - 1, int(end)):
                 stuck[first:end] = False
         stuck_samples.append(stuck)
@@ -309,15 +310,15 @@ def _find_repeats(values: np.ndarray) -> np.ndarray:
 
     A motion that is merely resolved coarsely changes by the finest step.
     """
-    known = np.flatnonzero(np.isfinite(values))
-    steps, repeats = np.diff(values[known]), np.zeros(len(values), bool)
-    rows = count_rows_per_sample(values[known])
+    finite_rows = np.flatnonzero(np.isfinite(values))
+    steps, repeats = np.diff(values[finite_rows]), np.zeros(len(values), bool)
+    rows = count_rows_per_sample(values[finite_rows])
     if rows > 1 and np.median(np.abs(steps[steps != 0.0])) > 1.5 * finest_step(values):
         edges = np.flatnonzero(np.append(True, steps != 0.0))
-        runs = np.diff(edges, append=len(known))
-        place = np.arange(len(known)) - np.repeat(edges, runs)
-        counted = np.repeat(np.maximum(np.round(runs / rows), 1), runs)  # samples of a run
-        repeats[known] = (place % rows > 0) | (place >= rows * counted)
+        runs = np.diff(edges, append=len(finite_rows))
+        position = np.arange(len(finite_rows)) - np.repeat(edges, runs)
+        n_rows = np.repeat(np.maximum(np.round(runs / rows), 1), runs)  # samples of a run
+        repeats[finite_rows] = (position % rows > 0) | (position >= rows * n_rows)
     return repeats
 
 
@@ -338,15 +339,17 @@ def _replace_codes(values: np.ndarray, of_file: np.dtype) -> tuple[np.ndarray, d
     from each other. of_file: type of the numbers in the file, which may have rounded the codes.
     """
     codes = np.asarray(MISSING_CODES, of_file if of_file.kind == "f" else float)
-    known, counts = np.unique(values[np.isfinite(values)], return_counts=True)
-    fill = np.abs(known) >= MIN_FILL_VALUE
-    used = np.isin(np.abs(known), codes) | (fill & (fill.sum() == 1))
-    others = known[~used]
-    if not used.any() or not len(others):
+    distinct_values, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    fill = np.abs(distinct_values) >= MIN_FILL_VALUE
+    is_code = np.isin(np.abs(distinct_values), codes) | (fill & (fill.sum() == 1))
+    others = distinct_values[~is_code]
+    if not is_code.any() or not len(others):
         return values, {}
-    used &= np.abs(known - (others[0] + others[-1]) / 2) > 1.5 * np.ptp(others)
-    counts_by_code = dict(zip(known[used].tolist(), counts[used].tolist(), strict=True))
-    return np.where(np.isin(values, known[used]), np.nan, values), counts_by_code
+    is_code &= np.abs(distinct_values - (others[0] + others[-1]) / 2) > 1.5 * np.ptp(others)
+    counts_by_code = dict(
+        zip(distinct_values[is_code].tolist(), counts[is_code].tolist(), strict=True)
+    )
+    return np.where(np.isin(values, distinct_values[is_code]), np.nan, values), counts_by_code
 
 
 def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> None:
