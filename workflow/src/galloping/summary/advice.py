@@ -56,8 +56,8 @@ def advise(identified: IdentifiedModel, recording: Recording, period: float) -> 
     if not is_free.any():
         return None
     free = np.argwhere(identified.support)[is_free]
-    before = np.linalg.inv(identified.covariance[np.ix_(is_free, is_free)])
-    now = bound_of(model, free, before)
+    prior_information = np.linalg.inv(identified.covariance[np.ix_(is_free, is_free)])
+    now = bound_of(model, free, prior_information)
     weakest = int(np.argmin(now.t))
     if not np.isfinite(now.std[weakest]):  # lost in rounding
         return None
@@ -74,7 +74,7 @@ def advise(identified: IdentifiedModel, recording: Recording, period: float) -> 
     ranked = []
     for name, option in _list_further_recordings(first, identified, recording).items():
         try:
-            total = before + information(model, free, option)
+            total = prior_information + information(model, free, option)
         except ValueError:  # by this model the motion would not stay bounded
             continue
         error = float(bound_of(model, free, total).std[weakest])

@@ -186,8 +186,11 @@ def analyse(
     field, summary = identify_field(field, question)
     case = None
     if beside and summary.found.status != "refused":
-        found = summary.found.at(typical_inputs(summary.found.model.inputs, field.recordings))
-        case = beside[0], expected_dynamics(beside[1], found, Surroundings.of(field.recordings))
+        identified = summary.found.at(typical_inputs(summary.found.model.inputs, field.recordings))
+        case = (
+            beside[0],
+            expected_dynamics(beside[1], identified, Surroundings.of(field.recordings)),
+        )
     with part("write", until=1.0):
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)

@@ -74,8 +74,10 @@ def draw_quality(
         for gap in gaps:
             left.axvspan(*gap, color=BAND, lw=0, label="gap")
         left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
-        known = np.isfinite(values)
-        frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
+        is_finite = np.isfinite(values)
+        frequency, share = spectrum(
+            time[is_finite], values[is_finite], float(np.median(np.diff(time)))
+        )
         share = np.maximum(share, share.max() * 10.0**-SPECTRUM_DECADES)
         for first in dominant[:1]:
             right.axvline(first, **MARK_STYLE, label="dominant")
@@ -85,9 +87,11 @@ def draw_quality(
                 size="x-small",
             )  # fmt: skip
         top = min(5 * fastest, frequency[-1])
-        shown = frequency <= top
+        is_shown = frequency <= top
         if share.any():  # the power of a constant is zero, without a logarithm
-            right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL_COLOR, lw=0.6)
+            right.semilogy(
+                *_envelope(frequency[is_shown], share[is_shown]), color=MODEL_COLOR, lw=0.6
+            )
         right.yaxis.set_minor_locator(NullLocator())
         right.yaxis.set_major_formatter("{x:.0e}")  # formulas for powers of ten take long
         reach = max(reach, top) if shared else top  # an input may be slower than the motion
@@ -131,13 +135,18 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     long = max(len(filled) // SPECTRUM_SEGMENTS, 8)
     frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
     power /= np.isfinite(grid).mean(axis=0)
-    shown = frequency > 0
+    is_positive = frequency > 0
     fine, densities = model_spectra(found, recording, np.random.default_rng(0))
     figure, (row,) = parts.panels(0.5 + ROW_HEIGHT, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
         parts.letter(axes, k, meaning(name) or name)
         axes.semilogy(
-            frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE_COLOR, label="samples"
+            frequency[is_positive],
+            power[is_positive, k],
+            ".",
+            ms=2.5,
+            color=TRUE_COLOR,
+            label="samples",
         )
         axes.semilogy(fine, densities[:, k], color=MODEL_COLOR, label="model in random forces")
         unit = state_unit(name).replace("^2", "²")
@@ -220,9 +229,9 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
 def _chains(assessment: Assessment) -> list[list[tuple[float, Cycle]]]:
     """Connect each limit cycle to the nearest one at the previous value of an input."""
     chains: list[list[tuple[float, Cycle]]] = []
-    before = np.nan
+    previous = np.nan
     for condition in assessment.conditions:
-        now, open_ = condition.at[assessment.along], [c for c in chains if c[-1][0] == before]
+        now, open_ = condition.at[assessment.along], [c for c in chains if c[-1][0] == previous]
         for cycle in condition.cycles:
             alike = [c for c in open_ if c[-1][1].stable == cycle.stable]
             if alike:
@@ -231,7 +240,7 @@ def _chains(assessment: Assessment) -> list[list[tuple[float, Cycle]]]:
                 nearest.append((now, cycle))
             else:
                 chains.append([(now, cycle)])
-        before = now
+        previous = now
     return chains
 
 
@@ -245,16 +254,16 @@ def _make_channel_panels(
     """Make panels by row, column and channel, a row for each with samples; return samples too."""
     sensed = Sensed.by(recording)
     samples = sensed.samples(recording)
-    shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
-    height = 0.6 + ROW_HEIGHT * len(shown)
-    figure, grid = parts.panels(height, len(shown), columns, sharex="col", sharey="row")
-    for row, k in zip(grid, shown, strict=True):
+    shown_channels = np.flatnonzero(np.isfinite(samples).any(axis=0))
+    height = 0.6 + ROW_HEIGHT * len(shown_channels)
+    figure, grid = parts.panels(height, len(shown_channels), columns, sharex="col", sharey="row")
+    for row, k in zip(grid, shown_channels, strict=True):
         row[0].set_ylabel(fill(_format_label(sensed.names[k]), MAX_LABEL_LETTERS))
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     panels = {
         (row, column, int(k)): grid[row, column]
-        for row, k in enumerate(shown)
+        for row, k in enumerate(shown_channels)
         for column in range(columns)
     }
     return figure, panels, samples
@@ -272,15 +281,17 @@ def _format_label(name: str) -> str:
 
 def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Reduce samples to the least and greatest of many stretches, as dense as a figure can show."""
-    known = np.isfinite(values)
-    time, values = time[known], values[known]
+    is_finite = np.isfinite(values)
+    time, values = time[is_finite], values[is_finite]
     gaps = np.flatnonzero(np.diff(time) > MIN_REPORTED_GAP * np.median(np.diff(time))) + 1
-    between = (time[gaps - 1] + time[gaps]) / 2
+    gap_centres = (time[gaps - 1] + time[gaps]) / 2
     places = np.arange(len(time))
     if len(time) > 2 * ENVELOPE_POINTS:
         long = -(-len(time) // ENVELOPE_POINTS)
         stretches = np.pad(values, (0, -len(time) % long), mode="edge").reshape(-1, long)
         ends = stretches.argmin(axis=1), stretches.argmax(axis=1)
         places = np.unique(places[::long] + np.array(ends))
-    apart = np.searchsorted(time[places], between)
-    return np.insert(time[places], apart, between), np.insert(values[places], apart, np.nan)
+    gap_rows = np.searchsorted(time[places], gap_centres)
+    return np.insert(time[places], gap_rows, gap_centres), np.insert(
+        values[places], gap_rows, np.nan
+    )

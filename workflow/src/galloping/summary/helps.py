@@ -27,17 +27,17 @@ MIN_ERROR = 0.01
 
 def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
     """List advice on how to improve an identified model, the most useful first."""
-    found = summary.found
+    identified = summary.found
     problems = [make_finding(problem) for report in reports for problem in report["problems"]]
-    span, units = is_span(found.model.states), input_units(reports)
+    span, units = is_span(identified.model.states), input_units(reports)
     helps = [more for _, more in meanings_and_advice(problems, span) if more]
-    if found.status == "refused" and (idle := _format_idle_columns(reports)):
+    if identified.status == "refused" and (idle := _format_idle_columns(reports)):
         helps.insert(0, f"a model without {idle}, which has no motion of its own (`--states`)")
-    if len({"q_v", "q_w"}.intersection(found.model.states)) == 1:
+    if len({"q_v", "q_w"}.intersection(identified.model.states)) == 1:
         helps.append(
             "a sensor in the other direction: vertical and horizontal motion drive each other"
         )
-    for _, more in meanings_and_advice(found.findings, span):
+    for _, more in meanings_and_advice(identified.findings, span):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = summary.advice
     if advice and advice.options and advice.standard_error > MIN_ERROR * abs(advice.coefficient):
@@ -48,26 +48,28 @@ def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
             f"{relative_error_text(advice.standard_error, advice.coefficient)} to "
             f"{relative_error_text(error, advice.coefficient)}"
         )
-    if found.status == "approximate" and PLACES not in helps:
+    if identified.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; a longer recording with the same sensors does not help, since "
                      "the unexplained motion does not average out")  # fmt: skip
-    if not found.model.inputs and WIND not in " ".join(helps):
+    if not identified.model.inputs and WIND not in " ".join(helps):
         helps.append(f"{WIND}, in gusts or at several mean wind speeds: a steady wind does "
                      "not show the wind speed from which the line gallops")  # fmt: skip
-    if found.model.inputs or not span:  # which were recorded; no wind drives other systems
+    if identified.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
     if span and _has_both_directions(reports):
         helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
     if not span:
         helps = [each.replace(HELPS["directions"], HELPS["fewer"]) for each in helps
                  if PLACES not in each]  # fmt: skip
-    is_wind = may_be_wind(found, units)
-    for name in found.model.inputs:
-        if ends := found.recorded(name):
+    is_wind = may_be_wind(identified, units)
+    for name in identified.model.inputs:
+        if ends := identified.recorded(name):
             unit = shown_units(units).get(name, "")
             beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
-            known = "; or the structural damping, measured in calm (`--known`)" * is_wind
-            helps.append(f"recordings with {name} {beyond}, if the model is used there{known}")
+            damping_hint = "; or the structural damping, measured in calm (`--known`)" * is_wind
+            helps.append(
+                f"recordings with {name} {beyond}, if the model is used there{damping_hint}"
+            )
     return list(dict.fromkeys(helps))
 
 

@@ -184,35 +184,41 @@ def compute_numbers(
     reports: of `quality`, if the recordings come from files. beside: a name, and the system's known
     properties by that name.
     """
-    found, known, units = summary.found, summary.dynamics, input_units(reports)
-    below = float(found.diagnostics.get("below", nan))
-    placed = {
+    identified, dynamics, units = summary.found, summary.dynamics, input_units(reports)
+    cutoff = float(identified.diagnostics.get("below", nan))
+    placed_channels = {
         column["measures"]
         for report in reports
         for column in report["channels"].values()
         if column["position_m"] is not None
     }
-    recorded = tuple(_describe_recorded(summary.recordings, below, placed))
-    strengths, lasting = _force_densities(found, known) if found.is_forced else ({}, ())
-    count, share = _count_stretches(summary.recordings, found)
-    is_refused = found.status == "refused"
+    recorded = tuple(_describe_recorded(summary.recordings, cutoff, placed_channels))
+    strengths, lasting = (
+        _force_densities(identified, dynamics) if identified.is_forced else ({}, ())
+    )
+    count, share = _count_stretches(summary.recordings, identified)
+    is_refused = identified.status == "refused"
     return SummaryNumbers(
-        status=found.status,
-        reason=found.reason,
-        findings=tuple(each.as_dict() for each in found.findings),
+        status=identified.status,
+        reason=identified.reason,
+        findings=tuple(each.as_dict() for each in identified.findings),
         recorded=recorded,
         columns=tuple(_describe_columns(reports, recorded)),
-        system=_estimate_system(known, found, units) if known else None,
+        system=_estimate_system(dynamics, identified, units) if dynamics else None,
         random_forces=strengths,
         force_durations_s=lasting,
-        forecast=_collect_scores(summary.held_out, found.is_forced) if summary.held_out else None,
+        forecast=_collect_scores(summary.held_out, identified.is_forced)
+        if summary.held_out
+        else None,
         no_forecast=summary.untried,
         stretches=count,
         stretches_percent=share,
-        absent_terms=() if is_refused else tuple(_list_absent(found, summary.recordings, units)),
+        absent_terms=()
+        if is_refused
+        else tuple(_list_absent(identified, summary.recordings, units)),
         scales={
             name.removeprefix("scale_"): float(value)
-            for name, value in found.diagnostics.items()
+            for name, value in identified.diagnostics.items()
             if name.startswith("scale_")
         },
         further_recording=summary.advice,
@@ -242,27 +248,33 @@ def is_damping_undetermined(found: IdentifiedModel, known: Dynamics) -> bool:
 
 
 def _estimate_system(
-    known: Dynamics, found: IdentifiedModel | None, units: Mapping[str, str]
+    dynamics: Dynamics, identified: IdentifiedModel | None, units: Mapping[str, str]
 ) -> SystemEstimates:
-    hidden = found is not None and (
-        found.has_finding(Code.MOTION_REPEATS) or is_damping_undetermined(found, known)
+    hidden = identified is not None and (
+        identified.has_finding(Code.MOTION_REPEATS) or is_damping_undetermined(identified, dynamics)
     )
-    oscillating = [name for name, value in known.frequencies.items() if np.isfinite(value.value)]
-    half_range = {} if is_undamped(known) else known.half_range
-    period = known.period if half_range else None
-    shown = shown_units(units)
+    oscillating = [name for name, value in dynamics.frequencies.items() if np.isfinite(value.value)]
+    half_range = {} if is_undamped(dynamics) else dynamics.half_range
+    period = dynamics.period if half_range else None
+    unit_texts = shown_units(units)
     return SystemEstimates(
-        {name: Estimate(value, unit=shown.get(name, "")) for name, value in known.at.items()},
-        {name: Estimate.from_value(value, plain_unit(name)) for name, value in known.rest.items()},
-        () if hidden else tuple(_small_motion(known, name) for name in oscillating),
-        known.kind,
+        {
+            name: Estimate(value, unit=unit_texts.get(name, ""))
+            for name, value in dynamics.at.items()
+        },
+        {
+            name: Estimate.from_value(value, plain_unit(name))
+            for name, value in dynamics.rest.items()
+        },
+        () if hidden else tuple(_small_motion(dynamics, name) for name in oscillating),
+        dynamics.kind,
         {name: Estimate.from_value(value, plain_unit(name)) for name, value in half_range.items()},
         Estimate.from_value(period, "s") if period else None,
     )
 
 
-def _small_motion(known: Dynamics, name: str) -> SmallMotionEstimates:
-    frequency, damping = known.frequencies[name], known.damping[name]
+def _small_motion(dynamics: Dynamics, name: str) -> SmallMotionEstimates:
+    frequency, damping = dynamics.frequencies[name], dynamics.damping[name]
     grows = (
         damping.value < -MIN_DAMPING_RATIO and damping.high <= MIN_DAMPING_RATIO
     )  # not if unknown
@@ -284,21 +296,21 @@ def _doubling_time(frequency: Value, damping: Value) -> Estimate:
 
 
 def _describe_recorded(
-    recordings: Sequence[Recording], below: float, placed: Collection[str]
+    recordings: Sequence[Recording], cutoff: float, placed_channels: Collection[str]
 ) -> Iterator[RecordedMotion]:
     """Yield the extent and frequency of each channel of all recordings.
 
-    below: Hz, cut-off frequency. placed: channels whose sensors have places along the span, from
-    which the motion of its mode follows.
+    cutoff: Hz, cut-off frequency. placed_channels: channels whose sensors have places along the
+    span, from which the motion of its mode follows.
     """
     channels: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for recording in recordings:
         sensed = Sensed.by(recording)
         samples = sensed.samples(without_outliers(recording))
         for name, values in zip(sensed.names, samples.T, strict=True):
-            known, parts = np.isfinite(values), channels.setdefault(name, [])
-            if np.count_nonzero(known) > 1:
-                parts.append((recording.time[known], values[known]))
+            is_finite, parts = np.isfinite(values), channels.setdefault(name, [])
+            if np.count_nonzero(is_finite) > 1:
+                parts.append((recording.time[is_finite], values[is_finite]))
     for name, parts in channels.items():
         if parts:
             every = np.concatenate([values for _, values in parts])
@@ -307,8 +319,8 @@ def _describe_recorded(
             peaks = find_peaks(share)[1]
             pace = float(frequency[peaks[0]]) if len(peaks) else nan
             ends = float(every.min()), float(every.max())
-            what = meaning(name) + " of the first mode" * (name in placed)
-            yield RecordedMotion(name, what, *ends, plain_unit(name), pace, below)
+            what = meaning(name) + " of the first mode" * (name in placed_channels)
+            yield RecordedMotion(name, what, *ends, plain_unit(name), pace, cutoff)
 
 
 def _describe_columns(
@@ -331,15 +343,15 @@ def _describe_columns(
 
 
 def _force_densities(
-    found: IdentifiedModel, known: Dynamics | None
+    identified: IdentifiedModel, dynamics: Dynamics | None
 ) -> tuple[dict[str, Estimate], tuple[float, ...]]:
     """Compute roots of the one-sided spectra of the forces, and correlation times of slow ones, s.
 
     The spectra are at the frequency of the coordinate of each force.
     """
-    states, forces, densities = found.model.states, Forces.from_model(found), {}
+    states, forces, densities = identified.model.states, Forces.from_model(identified), {}
     for i, velocity in velocity_pairs(states).items():
-        frequency = known.frequencies[states[i]].value if known else nan
+        frequency = dynamics.frequencies[states[i]].value if dynamics else nan
         density = forces.density(2.0 * pi * frequency)[velocity, velocity]
         if density > 0.0:
             unit = f"{plain_unit('d' + states[velocity]).replace('^2', '²')} per √Hz".lstrip()
@@ -365,29 +377,31 @@ def _collect_scores(scored: "ScoredForecast", is_forced: bool) -> HeldOutScores:
     return HeldOutScores(last - first, last, scored.index < -1, scored.useful, channels)
 
 
-def _count_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> tuple[int, float]:
+def _count_stretches(
+    recordings: Sequence[Recording], identified: IdentifiedModel
+) -> tuple[int, float]:
     """Count the parts of the recordings that were used, and their share of time; 0 if whole."""
-    used = recordings if found.is_forced else excerpts(list(recordings))
-    if list(map(id, used)) == list(map(id, recordings)):
+    used_parts = recordings if identified.is_forced else excerpts(list(recordings))
+    if list(map(id, used_parts)) == list(map(id, recordings)):
         return 0, 100.0
-    lasting, whole = (sum(np.ptp(one.time) for one in each) for each in (used, recordings))
-    return len(used), float(100.0 * lasting / whole)
+    lasting, whole = (sum(np.ptp(one.time) for one in each) for each in (used_parts, recordings))
+    return len(used_parts), float(100.0 * lasting / whole)
 
 
 def _list_absent(
-    found: IdentifiedModel, recordings: Sequence[Recording], units: Mapping[str, str]
+    identified: IdentifiedModel, recordings: Sequence[Recording], units: Mapping[str, str]
 ) -> Iterator[AbsentTerm]:
     """Yield the absent terms that may be the largest undetected parts of their equations.
 
     units: of inputs, by name.
     """
-    model = found.model
+    model = identified.model
     means = mean_inputs(model.inputs, recordings)
     steady, around = model.at(means) if means else model, Surroundings.of(recordings)
     sizes, time = around.sizes(steady), Pace.of(steady, around.middle).slow / (2.0 * pi)
     signals = [*sizes, *(_root_mean_square(name, recordings) for name in model.inputs)]
     largest = np.abs(design_matrix(np.array([signals]), model.terms)[0])
-    shares = found.detection_limits * largest * time / sizes[:, np.newaxis]
+    shares = identified.detection_limits * largest * time / sizes[:, np.newaxis]
     shares = np.where(np.isfinite(shares), shares, -1.0)
     flat = np.argsort(-shares, axis=None, kind="stable")[:MAX_ABSENT_TERMS]
     inputs = {**dict.fromkeys(model.inputs, ""), **units}
@@ -396,7 +410,7 @@ def _list_absent(
             yield AbsentTerm(
                 term_name(model.terms[j], model.names),
                 f"d({model.states[i]})/dt",
-                float(found.detection_limits[i, j]),
+                float(identified.detection_limits[i, j]),
                 coefficient_unit(model.states[i], model.terms[j], model.names, inputs),
             )
 

@@ -307,25 +307,25 @@ def judge(sample: SampleFile, summary: Summary) -> dict[str, object]:
     else ok_and_wrong: whether the status is `ok` with a frequency or a damping more than
     MAX_COEFFICIENT_DISTANCE standard errors off.
     """
-    found, stated = summary.found, summary.dynamics
-    off = []
-    if stated:
-        first, mode = found.model.states[0], sample.mode
-        pairs = [(stated.frequencies.get(first), mode.frequency / (2.0 * np.pi))]
+    identified, dynamics = summary.found, summary.dynamics
+    distances = []
+    if dynamics:
+        first, mode = identified.model.states[0], sample.mode
+        pairs = [(dynamics.frequencies.get(first), mode.frequency / (2.0 * np.pi))]
         if mode.damping:  # otherwise the damping is not that of small motions
-            pairs.append((stated.damping.get(first), mode.damping))
-        off = [_distance(value, truth) for value, truth in pairs if value is not None]
+            pairs.append((dynamics.damping.get(first), mode.damping))
+        distances = [_distance(value, truth) for value, truth in pairs if value is not None]
     row: dict[str, object] = {
-        "coverage": float(np.mean(np.array(off) <= 1.0)) if off else np.nan,
-        "fault_diagnosed": float(found.has_finding(sample.cause)) if sample.cause else np.nan,
+        "coverage": float(np.mean(np.array(distances) <= 1.0)) if distances else np.nan,
+        "fault_diagnosed": float(identified.has_finding(sample.cause)) if sample.cause else np.nan,
     }
     if not sample.equation:
-        is_far = any(distance > MAX_COEFFICIENT_DISTANCE / NORMAL_95 for distance in off)
-        return row | {"ok_and_wrong": bool(found.status == "ok" and is_far)}
-    model = found.model
+        is_far = any(distance > MAX_COEFFICIENT_DISTANCE / NORMAL_95 for distance in distances)
+        return row | {"ok_and_wrong": bool(identified.status == "ok" and is_far)}
+    model = identified.model
     equations = (f"{model.states[0]} = {model.states[1]}", sample.equation)
     true, _, _ = known_model(equations, model.states, model.terms, model.inputs)
-    return row | against_truth(true, found)
+    return row | against_truth(true, identified)
 
 
 def _distance(value: Value, truth: float) -> float:

@@ -147,10 +147,10 @@ class Summary(Immutable):
         """Plot the forecasts of the held-out end and after the recording, with 90 % bands."""
         from galloping.summary.drawing import draw_forecast
 
-        trial, after = self.held_out, [self.recordings[-1]] * (self.forecast is not None)
-        tried = [self.recordings[trial.index]] if trial and trial.useful else []
+        trial, last_recording = self.held_out, [self.recordings[-1]] * (self.forecast is not None)
+        held_out_recording = [self.recordings[trial.index]] if trial and trial.useful else []
         length = np.ptp(self.motions[0][0]) if self.motions else 0.0
-        return draw_forecast([*tried, *after], self.forecasts, length)
+        return draw_forecast([*held_out_recording, *last_recording], self.forecasts, length)
 
 
 @one_thread
@@ -190,18 +190,18 @@ def summarise(
     """
     if method not in METHODS:
         raise ValueError(f"method: {method!r}; must be one of {', '.join(METHODS)}")
-    given = _check_recordings(found, recordings)
+    recording_list = _check_recordings(found, recordings)
 
     def identify(others: Sequence[Recording]) -> IdentifiedModel:
-        known = tuple(found.model.states[i] for i in found.known)
+        known_states = tuple(found.model.states[i] for i in found.known)
         terms = found.model.terms
         return identify_excerpts(
-            METHODS[method], list(others), terms, found.model, known, **options
+            METHODS[method], list(others), terms, found.model, known_states, **options
         )
 
-    names = [f"recording {number}" for number in range(1, len(given) + 1)]
-    with limit_work(given):
-        return summarise_with(found, given, identify, seed, names=names)
+    names = [f"recording {number}" for number in range(1, len(recording_list) + 1)]
+    with limit_work(recording_list):
+        return summarise_with(found, recording_list, identify, seed, names=names)
 
 
 @one_thread
@@ -281,20 +281,20 @@ def dynamics(
     ValueError
         If an argument has another form.
     """
-    given = _select_used_parts(found, recordings)
+    parts = _select_used_parts(found, recordings)
     if not len(found.extrapolation_shift):
-        found = with_extrapolation(found, given)
-    return _compute_dynamics(found, given, seed)
+        found = with_extrapolation(found, parts)
+    return _compute_dynamics(found, parts, seed)
 
 
 def _compute_dynamics(
-    found: IdentifiedModel, given: Sequence[Recording], seed: int
+    identified: IdentifiedModel, parts: Sequence[Recording], seed: int
 ) -> Dynamics | None:
     """Compute the dynamics of a model from the parts of recordings that it was identified from."""
-    at = typical_inputs(found.model.inputs, given)
-    around, rng = Surroundings.of(given), np.random.default_rng(seed)
-    properties = of_line.dynamics(found.at(at) if at else found, around, rng)
-    return replace(properties, at=at) if properties and at else properties
+    inputs = typical_inputs(identified.model.inputs, parts)
+    around, rng = Surroundings.of(parts), np.random.default_rng(seed)
+    properties = of_line.dynamics(identified.at(inputs) if inputs else identified, around, rng)
+    return replace(properties, at=inputs) if properties and inputs else properties
 
 
 @one_thread
@@ -349,10 +349,10 @@ def forecast(
     return ahead.forecast(found, recording, times, window, np.random.default_rng(seed), inputs)
 
 
-def _select_used_parts(found: IdentifiedModel, recordings: object) -> list[Recording]:
+def _select_used_parts(identified: IdentifiedModel, recordings: object) -> list[Recording]:
     """Return the parts of recordings that a model was identified from, without filtered motion."""
-    given = _check_recordings(found, recordings)
-    return apply_model_filter(found, without_omissions(found, given))
+    recording_list = _check_recordings(identified, recordings)
+    return apply_model_filter(identified, without_omissions(identified, recording_list))
 
 
 def _check_recordings(found: object, recordings: object) -> list[Recording]:
@@ -412,13 +412,13 @@ def hold_out(
     samples = Sensed.by(last).samples(without_outliers(last))
     if np.all(deviations_of(samples[cut:]) <= 1e-9 * deviations_of(samples)):  # rounding
         raise StillError(f"no motion in the last {length:.3g} s, which were to be forecast")
-    shown = slice(cut, None, 1 + (len(last.time) - cut) // MAX_FORECAST_SAMPLES)
+    forecast_rows = slice(cut, None, 1 + (len(last.time) - cut) // MAX_FORECAST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(
-        identified, last[:cut], last.time[shown], START_PERIODS * period, rng
+        identified, last[:cut], last.time[forecast_rows], START_PERIODS * period, rng
     )
     noise = Following(identified, last[:cut]).sigma
-    trial = ahead.score_forecast(predicted, samples[shown], deviations_of(samples), noise)
+    trial = ahead.score_forecast(predicted, samples[forecast_rows], deviations_of(samples), noise)
     return replace(trial, index=index - len(recordings))
 
 
@@ -469,20 +469,20 @@ def score_motion(
     for recording in recordings:
         follow, time = Following(identified, without_outliers(recording)), recording.time
         samples = follow.samples
-        measured = np.isfinite(samples).any(axis=0)
-        mean = np.nanmean(samples[:, measured], axis=0)
+        is_measured = np.isfinite(samples).any(axis=0)
+        mean = np.nanmean(samples[:, is_measured], axis=0)
         parts = max(round_down(np.ptp(time) / (START_PERIODS * period)), 1)
         edges = first_from(time, np.linspace(time[0], time[-1], parts + 1))
-        left = samples[:, measured] - mean
-        whole = left**2
+        residual = samples[:, is_measured] - mean
+        whole = residual**2
         for begin, end in pairwise((*edges[:-1], len(time))):
             rows = slice(begin, end)
-            if np.isfinite(left[rows]).any() and (start := follow.fit_start(rows)) is not None:
-                motion = follow.motion(identified.model, start, time[rows])[:, measured]
+            if np.isfinite(residual[rows]).any() and (start := follow.fit_start(rows)) is not None:
+                motion = follow.motion(identified.model, start, time[rows])[:, is_measured]
                 if np.isfinite(motion).all():
-                    left[rows] = samples[rows][:, measured] - motion
-        sums = np.nansum([left**2, whole], axis=1)
-        for name, pair in zip(np.array(follow.sensed.names)[measured], sums.T, strict=True):
+                    residual[rows] = samples[rows][:, is_measured] - motion
+        sums = np.nansum([residual**2, whole], axis=1)
+        for name, pair in zip(np.array(follow.sensed.names)[is_measured], sums.T, strict=True):
             squares.setdefault(str(name), []).append(pair)
     if not squares:
         raise ValueError("score: the recordings have no samples")

@@ -62,19 +62,23 @@ class _Lines:
         if now < self._next:
             return
         self._next = now + LINE_INTERVAL
-        passed = now - self._begin
+        elapsed = now - self._begin
         from galloping.identification.work import work_counted  # NumPy
 
         spent, more = work_counted()
-        took, computed = passed - self._last[0], spent - self._last[1]
-        self._last = passed, spent
+        took, computed = elapsed - self._last[0], spent - self._last[1]
+        self._last = elapsed, spent
         if computed >= MIN_COUNTED_TIME and took <= MAX_TIME_RATIO * computed:
             self._slow = took / computed
-        left, most = passed * (1.0 - share) / share, self._slow * more
+        seconds, most = elapsed * (1.0 - share) / share, self._slow * more
         if not math.isinf(most):
-            left = min(left, most) if share > SEARCH_SHARE else math.sqrt(min(left, most) * most)
-        remaining = f"{left:.0f} s left" + ("" if math.isinf(most) else f", {most:.0f} s at most")
-        click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {remaining}", err=True)
+            seconds = (
+                min(seconds, most) if share > SEARCH_SHARE else math.sqrt(min(seconds, most) * most)
+            )
+        remaining = f"{seconds:.0f} s left" + (
+            "" if math.isinf(most) else f", {most:.0f} s at most"
+        )
+        click.echo(f"{elapsed:.0f} s: {what}; about {share:.0%} done, {remaining}", err=True)
 
 
 def json_text(content: object, **options: Any) -> str:
@@ -95,16 +99,16 @@ def print_rows(rows: Iterable[dict], as_json: bool) -> None:
     from galloping.storage import as_cell
 
     table = csv.writer(sys.stdout, lineterminator="\n")
-    between = "["
+    separator = "["
     try:
         for row in rows:
             if as_json:
-                click.echo(between + json_text(row), nl=False)
+                click.echo(separator + json_text(row), nl=False)
             else:
-                if between == "[":
+                if separator == "[":
                     table.writerow(row)
                 table.writerow(map(as_cell, row.values()))
-            between = ",\n"
+            separator = ",\n"
     finally:
         if as_json:
-            click.echo("]" if between != "[" else "[]")
+            click.echo("]" if separator != "[" else "[]")

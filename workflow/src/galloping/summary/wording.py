@@ -77,7 +77,7 @@ def render_summary(
     numbers: those collected from the summary. reports: of `quality`, if the recordings come from
     files.
     """
-    found, known, last = summary.found, summary.dynamics, summary.recordings[-1]
+    identified, dynamics, last = summary.found, summary.dynamics, summary.recordings[-1]
     problems = [
         escape_markdown(f"{report['file']}, from row {p['row']} on: {p['what']}")
         for report in reports
@@ -86,45 +86,49 @@ def render_summary(
     described = [*map(report_text, reports)] or [*map(repr, summary.recordings)]
     unused = [f"{name!r} of {report['file']}" for report in reports
               for name in report.get("unused_motion", ())]  # fmt: skip
-    of_span, units = is_span(found.model.states), input_units(reports)
-    extra = [one.name for one in found.further_modes]
+    of_span, units = is_span(identified.model.states), input_units(reports)
+    extra = [one.name for one in identified.further_modes]
     line = "the line" if of_span else "the system"
     values = {
-        "summary": summary, "found": found, "known": known, "numbers": numbers,
+        "summary": summary, "found": identified, "known": dynamics, "numbers": numbers,
         "trial": summary.held_out, "ends": MOTION_ENDS, "technical": TECHNICAL_TITLE,
         "most_problems": MAX_PROBLEMS,
-        "refused": found.status == "refused",
-        "in_short": STATUS_SENTENCES[found.status],
-        "winds": _recorded_range(found) if may_be_wind(found, units) else "",
-        "sure": bool(np.any(found.standard_errors > 0.0)),
+        "refused": identified.status == "refused",
+        "in_short": STATUS_SENTENCES[identified.status],
+        "winds": _recorded_range(identified) if may_be_wind(identified, units) else "",
+        "sure": bool(np.any(identified.standard_errors > 0.0)),
         "of_span": of_span,
-        "conditions": _conditions(found, units),
+        "conditions": _conditions(identified, units),
         "line": line,
         "gallop": "gallop" if of_span else "sustain oscillations by itself",
         "gallops": "gallops" if of_span else "sustains oscillations by itself",
-        "exact": [name for name in found.model.inputs if not last.inputs[name].error],
-        "held": [name for name in found.model.inputs if last.inputs[name].between == "zero"],
+        "exact": [name for name in identified.model.inputs if not last.inputs[name].error],
+        "held": [name for name in identified.model.inputs if last.inputs[name].between == "zero"],
         "odd": any(p["code"] in UNIT_FINDINGS for report in reports for p in report["problems"]),
-        "repeats": found.has_finding(Code.MOTION_REPEATS),
-        "rested": found.has_finding(Code.RELEASED, Code.CAME_TO_REST),
-        "mixed": found.has_finding(*PARTS_DIFFER),
-        "margins": _margins(known, summary.recordings, found) if found.is_forced and known else [],
+        "repeats": identified.has_finding(Code.MOTION_REPEATS),
+        "rested": identified.has_finding(Code.RELEASED, Code.CAME_TO_REST),
+        "mixed": identified.has_finding(*PARTS_DIFFER),
+        "margins": _margins(dynamics, summary.recordings, identified)
+        if identified.is_forced and dynamics else [],
         "meanings": [
             re.sub("(?<=[Tt])he line", line[1:], why)
-            for why, _ in meanings_and_advice(found.findings, of_span)
+            for why, _ in meanings_and_advice(identified.findings, of_span)
             if why
         ],
         "problems": problems,
         "helps": list_advice(summary, reports),
         "described": [re.sub(r"\n\s*", "\n  - ", escape_markdown(text)) for text in described],
         "unused": escape_markdown(join_words(unused)) if unused else "",
-        "small": _describe_modes(known, numbers.system, extra) if known and numbers.system else {},
+        "small": _describe_modes(dynamics, numbers.system, extra)
+        if dynamics and numbers.system else {},
         "beyond": _beyond_recorded(numbers),
-        "degrees": _further_degrees(found),
+        "degrees": _further_degrees(identified),
         "noticed": list(
-            write_sentences(found.findings, found.further_modes, known.damping if known else ())
+            write_sentences(
+                identified.findings, identified.further_modes, dynamics.damping if dynamics else ()
+            )
         ),
-        "envelope": list(envelope_rows(found.envelope)),
+        "envelope": list(envelope_rows(identified.envelope)),
     }  # fmt: skip
     text = _template("summary.md").render(values)
     text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
@@ -168,18 +172,22 @@ def _growth(condition: "Condition") -> str:
     return "small motions may grow" if may else "small motions die out"
 
 
-def _recorded_range(found: IdentifiedModel) -> str:
+def _recorded_range(identified: IdentifiedModel) -> str:
     """Format the recorded range of a model's single input, as `U=9.69:14.5`."""
-    if len(found.model.inputs) != 1 or not (ends := found.recorded(found.model.inputs[0])):
+    if len(identified.model.inputs) != 1 or not (
+        ends := identified.recorded(identified.model.inputs[0])
+    ):
         return ""
-    return f"{found.model.inputs[0]}={ends[0]:.3g}:{ends[1]:.3g}"
+    return f"{identified.model.inputs[0]}={ends[0]:.3g}:{ends[1]:.3g}"
 
 
-def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
+def _conditions(identified: IdentifiedModel, units: Mapping[str, str]) -> str:
     """Describe the conditions, besides the motion, in which a model is valid."""
-    if may_be_wind(found, units):
+    if may_be_wind(identified, units):
         return "winds and "
-    return f"values of {join_words(found.model.inputs)} and " if found.model.inputs else ""
+    return (
+        f"values of {join_words(identified.model.inputs)} and " if identified.model.inputs else ""
+    )
 
 
 @cache
@@ -240,24 +248,24 @@ def _cells(estimate: Estimate) -> tuple[str, str]:
         return f"{value:.3g} {unit}".strip(), " to ".join(ends)
     largest = max(abs(value), abs(low), abs(high))
     least = floor(log10(largest)) + 1 - MAX_DIGITS if largest else 0
-    half, place = (high - low) / 2.0, least
+    half, power = (high - low) / 2.0, least
     if half > 0.0:
         first = floor(log10(half))
-        place = max(first - (half / 10.0**first < TWO_DIGIT_LIMIT), least)
-    number, *ends = _at_place((value, low, high), place)
-    shown = f"{number} {unit}".strip()
+        power = max(first - (half / 10.0**first < TWO_DIGIT_LIMIT), least)
+    number, *ends = _at_place((value, low, high), power)
+    text = f"{number} {unit}".strip()
     if ends[0] == ends[1]:
-        return shown, f"narrower than {10.0**place:g}" if half else ""
-    return shown, " to ".join(ends)
+        return text, f"narrower than {10.0**power:g}" if half else ""
+    return text, " to ".join(ends)
 
 
-def _at_place(numbers: Sequence[float], place: int) -> list[str]:
+def _at_place(numbers: Sequence[float], last_power: int) -> list[str]:
     """Format numbers to one power of ten, with a common exponent if they are large or small."""
     largest = max(map(abs, numbers))
     if not largest or PLAIN_RANGE[0] <= largest < PLAIN_RANGE[1]:
-        return [f"{round(number, -place) + 0.0:.{max(-place, 0)}f}" for number in numbers]
+        return [f"{round(number, -last_power) + 0.0:.{max(-last_power, 0)}f}" for number in numbers]
     power = floor(log10(largest))
-    decimals = max(power - place, 0)
+    decimals = max(power - last_power, 0)
     heads = [f"{number / 10.0**power + 0.0:.{decimals}f}" for number in numbers]
     return [f"{head}e{power:+03d}" if float(head) else "0" for head in heads]
 
@@ -265,8 +273,8 @@ def _at_place(numbers: Sequence[float], place: int) -> list[str]:
 def extent_in_words(motion: RecordedMotion) -> str:
     """Format a recorded range as text of three or more digits, such as `-0.95 to 1.09 m`."""
     largest = float(f"{max(abs(motion.low), abs(motion.high)):.3g}")
-    place = floor(log10(largest)) + 1 - _range_digits(motion.low, motion.high) if largest else 0
-    return f"{' to '.join(_at_place((motion.low, motion.high), place))} {motion.unit}".rstrip()
+    power = floor(log10(largest)) + 1 - _range_digits(motion.low, motion.high) if largest else 0
+    return f"{' to '.join(_at_place((motion.low, motion.high), power))} {motion.unit}".rstrip()
 
 
 def _range_digits(low: float, high: float, least: int = 3) -> int:
@@ -302,12 +310,12 @@ def _name(state: str) -> str:
 
 
 def _describe_modes(
-    known: "Dynamics", system: SystemEstimates, of_further: Collection[str]
+    dynamics: "Dynamics", system: SystemEstimates, of_further: Collection[str]
 ) -> dict[str, Any]:
     """Describe small motions about the equilibrium, its place, and the limit cycle."""
     damped = {
         state: value
-        for state, value in known.damping.items()
+        for state, value in dynamics.damping.items()
         if isfinite(value.value) and state not in of_further
     }
     least = min(damped, key=lambda state: damped[state].value, default="")
@@ -334,7 +342,7 @@ def _describe_modes(
         "places": ", ".join(f"{s} = {in_words(v)}" for s, v in system.rest.items()),
         "still": "\n".join(
             f"{state} does not oscillate by itself."
-            for state, value in known.frequencies.items()
+            for state, value in dynamics.frequencies.items()
             if isnan(value.value)
         ),
     }
@@ -358,27 +366,27 @@ def _beyond_recorded(numbers: SummaryNumbers) -> list[str]:
     ]
 
 
-def _further_degrees(found: IdentifiedModel) -> str:
+def _further_degrees(identified: IdentifiedModel) -> str:
     """Format the degrees of missing terms that intervals of small motions include, '' for none."""
-    if not len(found.extrapolation_shift):
+    if not len(identified.extrapolation_shift):
         return ""
-    n = len(found.model.states)
-    degree = max(sum(term[:n]) for term in found.model.terms)
+    n = len(identified.model.states)
+    degree = max(sum(term[:n]) for term in identified.model.terms)
     return f"{degree + 1} and {degree + 2}"
 
 
 def _margins(
-    known: "Dynamics", recordings: Sequence[Recording], found: IdentifiedModel
+    dynamics: "Dynamics", recordings: Sequence[Recording], identified: IdentifiedModel
 ) -> list[str]:
     """Describe whether modes under random forces also gallop."""
-    states, length = found.model.states, sum(np.ptp(one.time) for one in recordings)
+    states, length = identified.model.states, sum(np.ptp(one.time) for one in recordings)
     margins = []
-    for name, damping in known.damping.items():
+    for name, damping in dynamics.damping.items():
         is_state = name in states
         is_of_one_size = not is_state or all(
             _is_of_one_size(one.values[:, states.index(name)]) for one in recordings
         )
-        phase = 2.0 * np.pi * known.frequencies[name].value * length
+        phase = 2.0 * np.pi * dynamics.frequencies[name].value * length
         margin = _margin(damping, phase, is_of_one_size)
         margins.append(f"{_name(name)}{' motion' * is_state} {margin}")
     return margins
