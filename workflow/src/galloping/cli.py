@@ -253,8 +253,8 @@ def _write_mapping(file, path, options) -> dict:
     from galloping.readers.mapping import MappingError, propose_mapping
     from galloping.storage import write_text
 
-    given = {key for key, value in options.items() if value not in (None, ())}
-    if other := given - {"time_column", "rate", "decimal", "units"}:
+    option_keys = {key for key, value in options.items() if value not in (None, ())}
+    if other := option_keys - {"time_column", "rate", "decimal", "units"}:
         raise MappingError(
             f"--write-map goes with --time, --rate, --unit and --decimal; not {min(other)}"
         )

@@ -210,10 +210,12 @@ class MaximumLikelihood:
             x = x.values
         _, _, values, driving = split_samples(x, None, u, model.states)
         self._check_inputs(driving)
-        given = Table.from_data("u", driving).matrix(model.inputs)[1] if model.inputs else None
-        if given is not None and len(given) != len(values):
-            raise ValueError(f"u: has {len(given)} samples; x has {len(values)}")
-        return model(values, given)
+        input_values = (
+            Table.from_data("u", driving).matrix(model.inputs)[1] if model.inputs else None
+        )
+        if input_values is not None and len(input_values) != len(values):
+            raise ValueError(f"u: has {len(input_values)} samples; x has {len(values)}")
+        return model(values, input_values)
 
     def simulate(self, x0: ArrayLike, t: ArrayLike, u: Driving = None) -> NDArray[np.float64]:
         """Integrate the fitted model in time from an initial state.
@@ -274,9 +276,9 @@ class MaximumLikelihood:
             self._check_inputs(one)
         if x_dot is None:
             return float(np.mean(score_motion(identified, recordings)))
-        given = np.concatenate([one.rates for one in recordings if one.rates is not None])
-        error = given - np.concatenate([self.predict(one) for one in recordings])
-        return float(np.nanmean(1.0 - np.nanmean(error**2, axis=0) / np.nanvar(given, axis=0)))
+        rates = np.concatenate([one.rates for one in recordings if one.rates is not None])
+        error = rates - np.concatenate([self.predict(one) for one in recordings])
+        return float(np.nanmean(1.0 - np.nanmean(error**2, axis=0) / np.nanvar(rates, axis=0)))
 
     def equations(self) -> list[str]:
         """Return each state's equation as text, with standard errors of the coefficients."""
@@ -322,8 +324,10 @@ class MaximumLikelihood:
 
     def __repr__(self) -> str:
         usual = signature(type(self)).parameters
-        shown = {n: v for n, v in self.get_params().items() if repr(v) != repr(usual[n].default)}
-        options = ", ".join(f"{name}={value!r}" for name, value in shown.items())
+        non_defaults = {
+            n: v for n, v in self.get_params().items() if repr(v) != repr(usual[n].default)
+        }
+        options = ", ".join(f"{name}={value!r}" for name, value in non_defaults.items())
         return f"{type(self).__name__}({options})"
 
     def _repr_latex_(self) -> str | None:
@@ -357,12 +361,12 @@ class MaximumLikelihood:
     def _check_inputs(self, u: object) -> None:
         """Raise ValueError unless `u` has the inputs of the model; a Recording may have others."""
         inputs = self.model_.model.inputs
-        given = u.inputs if isinstance(u, Recording) else u
-        lacking = inputs if given is None else ()
-        if isinstance(given, Mapping):
-            lacking = tuple(name for name in inputs if name not in given)
+        data = u.inputs if isinstance(u, Recording) else u
+        lacking = inputs if data is None else ()
+        if isinstance(data, Mapping):
+            lacking = tuple(name for name in inputs if name not in data)
         if lacking:
             has = f"the model has the inputs {', '.join(inputs)}"
             raise ValueError(f"u: {', '.join(lacking)} is missing; {has}")
-        if given is not None and not inputs and not isinstance(u, Recording):
+        if data is not None and not inputs and not isinstance(u, Recording):
             raise ValueError("u: must be left out; the model has no inputs")

@@ -42,12 +42,14 @@ def plot_fit(found: Found, recordings: Recordings = None) -> "Figure":
     from galloping.figures.style import styled
     from galloping.summary.drawing import FONT_SIZE, draw_fit, draw_spectra
 
-    model, given = _model_of(found, recordings)
+    model, recording_list = _model_of(found, recordings)
     with styled(FONT_SIZE):
         if model.is_forced:
-            return draw_spectra(model, given[-1])
-        length = min(START_PERIODS * longest_period(given), np.ptp(given[-1].time))
-        return draw_fit(given[-1], simulate_beside(model, given[-1], length))
+            return draw_spectra(model, recording_list[-1])
+        length = min(
+            START_PERIODS * longest_period(recording_list), np.ptp(recording_list[-1].time)
+        )
+        return draw_fit(recording_list[-1], simulate_beside(model, recording_list[-1], length))
 
 
 @one_thread
@@ -84,10 +86,12 @@ def plot_forecast(
     from galloping.figures.style import styled
     from galloping.summary.drawing import FONT_SIZE, draw_forecast
 
-    model, given = _model_of(found, recordings)
-    ahead = forecast(model, given[-1], time, inputs=inputs, seed=seed)
+    model, recording_list = _model_of(found, recordings)
+    ahead = forecast(model, recording_list[-1], time, inputs=inputs, seed=seed)
     with styled(FONT_SIZE):
-        return draw_forecast([given[-1]], [ahead], float(ahead.time[-1] - given[-1].time[-1]))
+        return draw_forecast(
+            [recording_list[-1]], [ahead], float(ahead.time[-1] - recording_list[-1].time[-1])
+        )
 
 
 @one_thread
@@ -117,24 +121,26 @@ def plot_phase(
     from galloping.figures.style import MODEL_COLOR, TRUE_COLOR, styled
     from galloping.summary.drawing import FONT_SIZE
 
-    model, given = _model_of(found, recordings)
-    names, recording = model.model.states, given[-1]
+    model, recording_list = _model_of(found, recordings)
+    names, recording = model.model.states, recording_list[-1]
     if model.is_forced:
         raise ValueError("plot_phase: random forces move the model; plot_fit draws its spectra")
     pairs = velocity_pairs(names)
     default = tuple(names[k] for k in next(iter(pairs.items()))) if pairs else names[:2]
-    shown = default if states is None else tuple(states)
-    if len(shown) not in (2, 3) or not set(shown) <= set(names):
+    axis_states = default if states is None else tuple(states)
+    if len(axis_states) not in (2, 3) or not set(axis_states) <= set(names):
         allowed = f"must be two or three of {', '.join(names)}"
-        raise ValueError(f"states: {list(shown)!r:.60}; {allowed}")
-    columns = [names.index(name) for name in shown]
+        raise ValueError(f"states: {list(axis_states)!r:.60}; {allowed}")
+    columns = [names.index(name) for name in axis_states]
     follow, time = Following(model, without_outliers(recording)), recording.time
     first_periods = slice(
-        0, int(np.searchsorted(time, time[0] + START_PERIODS * longest_period(given)))
+        0, int(np.searchsorted(time, time[0] + START_PERIODS * longest_period(recording_list)))
     )
     start = follow.fit_start(first_periods)
     with styled(FONT_SIZE):
-        space: dict[str, Any] = {"subplot_kw": {"projection": "3d"}} if len(shown) == 3 else {}
+        space: dict[str, Any] = (
+            {"subplot_kw": {"projection": "3d"}} if len(axis_states) == 3 else {}
+        )
         figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)
         axes.plot(
             *recording.values[:, columns].T,
@@ -147,19 +153,19 @@ def plot_phase(
         if start is not None:
             motion = follow.motion(model.model, start, time)
             axes.plot(*motion[:, columns].T, color=MODEL_COLOR, lw=0.7, label="model")
-        axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), shown, strict=False)))
+        axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), axis_states, strict=False)))
         parts.legend(figure)
     return figure
 
 
-def _model_of(found: Found, recordings: Recordings) -> tuple[IdentifiedModel, list[Recording]]:
+def _model_of(fit: Found, recordings: Recordings) -> tuple[IdentifiedModel, list[Recording]]:
     """Return the model and the recordings to draw; raise ValueError if they do not fit."""
-    if isinstance(found, MaximumLikelihood):
-        recordings = found.recordings_ if recordings is None else recordings
-        found = found.model_
-    if not isinstance(found, IdentifiedModel):
+    if isinstance(fit, MaximumLikelihood):
+        recordings = fit.recordings_ if recordings is None else recordings
+        fit = fit.model_
+    if not isinstance(fit, IdentifiedModel):
         kinds = "a fitted MaximumLikelihood or an IdentifiedModel"
-        raise ValueError(f"found: a {type(found).__name__}; must be {kinds}")
-    if found.status == "refused":
-        raise ValueError(f"there is no model to draw: {found.reason}")
-    return found, check_recordings(found.model, recordings)
+        raise ValueError(f"found: a {type(fit).__name__}; must be {kinds}")
+    if fit.status == "refused":
+        raise ValueError(f"there is no model to draw: {fit.reason}")
+    return fit, check_recordings(fit.model, recordings)
