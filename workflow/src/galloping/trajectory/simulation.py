@@ -103,7 +103,7 @@ class Simulator:
     ) -> None:
         self.states, self.terms, self.inputs = states, terms, inputs
         self._step = np.inf
-        self._at: dict[tuple[str, ...], Simulator] = {}
+        self._simulators: dict[tuple[str, ...], Simulator] = {}
 
     def __call__(
         self,
@@ -148,14 +148,14 @@ class Simulator:
         if constants:
             model = model.at(constants)
             key = tuple(constants)
-            if key not in self._at:
-                self._at[key] = Simulator(self.states, model.terms, inputs=model.inputs)
+            if key not in self._simulators:
+                self._simulators[key] = Simulator(self.states, model.terms, inputs=model.inputs)
             others = {name: inputs[name] for name in model.inputs}
-            return self._at[key](model, x0, time, others, limit)
-        measured = [one for name in model.inputs if isinstance(one := inputs[name], Input)]  # all
-        step, most = min(self._step, first_step(measured)), EQUAL_STEP_RATIO * max_steps(time)
+            return self._simulators[key](model, x0, time, others, limit)
+        signals = [one for name in model.inputs if isinstance(one := inputs[name], Input)]  # all
+        step, most = min(self._step, first_step(signals)), EQUAL_STEP_RATIO * max_steps(time)
         try:
-            states, _, self._step = solve_driven(model, measured, x0, time, step, most)
+            states, _, self._step = solve_driven(model, signals, x0, time, step, most)
         except FloatingPointError as error:
             nowhere = np.empty((0, len(self.states)))
             return self._ended(time, nowhere, f"stopped: {error}")
@@ -164,9 +164,9 @@ class Simulator:
             is_beyond = ~(np.sum(states**2, axis=1) < limit**2)
         if not is_beyond.any():
             return Trajectory(time, states, "ok", self.states)
-        at = int(np.argmax(is_beyond))
-        why = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
-        return self._ended(time, states[:at], why)
+        row = int(np.argmax(is_beyond))
+        why = f"diverged: |x| exceeded {limit:g} at t = {time[row]:.4g} s"
+        return self._ended(time, states[:row], why)
 
     def _ended(
         self, time: NDArray[np.float64], states: NDArray[np.float64], status: str
