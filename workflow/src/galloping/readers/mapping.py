@@ -366,8 +366,8 @@ def _set_for_columns(key: str, values: Mapping[str, str], columns: Sequence[dict
     Raises MappingError for the name of none of the columns.
     """
     for column, value in values.items():
-        named = [one for one in columns if one["column"] == column]
-        if not named:
+        matches = [one for one in columns if one["column"] == column]
+        if not matches:
             raise MappingError(f"--{key}: no column {column!r} is measured")
-        for one in named:
+        for one in matches:
             one[key] = value

@@ -369,6 +369,6 @@ def _is_counter(table: FileTable, name: str) -> bool:
     values = table.columns[name]
     if values.dtype.kind not in "fiu":
         return False
-    known = values[np.isfinite(values)]
-    whole = len(known) > 1 and np.all(known == np.round(known))
-    return bool(whole and np.median(np.diff(known)) == 1)
+    numbers = values[np.isfinite(values)]
+    whole = len(numbers) > 1 and np.all(numbers == np.round(numbers))
+    return bool(whole and np.median(np.diff(numbers)) == 1)

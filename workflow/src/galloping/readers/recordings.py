@@ -157,8 +157,8 @@ def note_missing_inputs(recording: Recording) -> list[str]:
     steps = np.diff(time, append=time[-1])
     steps[steps > MAX_INTERPOLATED_STEPS * np.median(steps)] = 0.0  # of the time with samples
     return [
-        f"input {name} is not known for {steps[gone].sum():.4g} s, "
-        f"{100 * gone.mean():.2g} % of the samples: left out"
+        f"input {name} is not known for {steps[is_missing].sum():.4g} s, "
+        f"{100 * is_missing.mean():.2g} % of the samples: left out"
         for name, one in recording.inputs.items()
-        if (gone := ~one.covered(time)).any()
+        if (is_missing := ~one.covered(time)).any()
     ]
