@@ -209,12 +209,12 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
     check_inputs_informative(field.series, terms, len(mapping.states))
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
-    known, known_states, single = known_model(texts, mapping.states, terms, inputs)
+    model, known_states, single = known_model(texts, mapping.states, terms, inputs)
     coefficients = list(chain.from_iterable(map(as_coefficients, single)))
     if any(one.alternatives for one in field.recordings[0].inputs.values()):
         stretches = excerpts(list(field.recordings))
         problem = validated_problem(
-            stretches, terms, known, known_states, PRIOR, coefficients, allowed
+            stretches, terms, model, known_states, PRIOR, coefficients, allowed
         )
         field = field.with_interpolants(choose_interpolants(problem, stretches))
     method, given = METHODS[question.method], field.recordings
@@ -232,7 +232,7 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
         )
 
     def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
-        return identify_excerpts(method, list(recordings), terms, known, known_states, **options)
+        return identify_excerpts(method, list(recordings), terms, model, known_states, **options)
 
     with limit_work(given):
         with part("identify", until=SEARCH_SHARE):

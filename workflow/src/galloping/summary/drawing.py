@@ -66,22 +66,22 @@ def draw_quality(
         width_ratios=(2, 1),
     )  # fmt: skip
     reach = 0.0
-    for k, ((left, right), row) in enumerate(zip(grid, rows, strict=True)):
+    for k, ((motion_axes, spectrum_axes), row) in enumerate(zip(grid, rows, strict=True)):
         title, label, time, values, gaps, dominant, fastest = row
-        parts.letter(left, 2 * k, title)
-        parts.letter(right, 2 * k + 1, "spectrum")
-        left.plot(*_envelope(time, values), color=MODEL_COLOR, lw=0.5)
+        parts.letter(motion_axes, 2 * k, title)
+        parts.letter(spectrum_axes, 2 * k + 1, "spectrum")
+        motion_axes.plot(*_envelope(time, values), color=MODEL_COLOR, lw=0.5)
         for gap in gaps:
-            left.axvspan(*gap, color=BAND, lw=0, label="gap")
-        left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
+            motion_axes.axvspan(*gap, color=BAND, lw=0, label="gap")
+        motion_axes.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
         is_finite = np.isfinite(values)
         frequency, share = spectrum(
             time[is_finite], values[is_finite], float(np.median(np.diff(time)))
         )
         share = np.maximum(share, share.max() * 10.0**-SPECTRUM_DECADES)
         for first in dominant[:1]:
-            right.axvline(first, **MARK_STYLE, label="dominant")
-            right.annotate(
+            spectrum_axes.axvline(first, **MARK_STYLE, label="dominant")
+            spectrum_axes.annotate(
                 f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
                 xytext=(2, -2), textcoords="offset points", va="top", color=PAPER_COLOR,
                 size="x-small",
@@ -89,16 +89,16 @@ def draw_quality(
         top = min(5 * fastest, frequency[-1])
         is_shown = frequency <= top
         if share.any():  # the power of a constant is zero, without a logarithm
-            right.semilogy(
+            spectrum_axes.semilogy(
                 *_envelope(frequency[is_shown], share[is_shown]), color=MODEL_COLOR, lw=0.6
             )
-        right.yaxis.set_minor_locator(NullLocator())
-        right.yaxis.set_major_formatter("{x:.0e}")  # formulas for powers of ten take long
+        spectrum_axes.yaxis.set_minor_locator(NullLocator())
+        spectrum_axes.yaxis.set_major_formatter("{x:.0e}")  # formulas for powers of ten take long
         reach = max(reach, top) if shared else top  # an input may be slower than the motion
-        right.set(xlim=(0, reach), ylabel="share of the power")
-    for left, right in grid[-1:] if shared else grid:
-        left.set_xlabel("time, s")
-        right.set_xlabel("frequency, Hz")
+        spectrum_axes.set(xlim=(0, reach), ylabel="share of the power")
+    for motion_axes, spectrum_axes in grid[-1:] if shared else grid:
+        motion_axes.set_xlabel("time, s")
+        spectrum_axes.set_xlabel("frequency, Hz")
     parts.legend(figure, columns=2, loc="outside upper right")
     return figure
 

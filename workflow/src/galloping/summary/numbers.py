@@ -397,8 +397,8 @@ def _list_absent(
     """
     model = identified.model
     means = mean_inputs(model.inputs, recordings)
-    steady, around = model.at(means) if means else model, Surroundings.of(recordings)
-    sizes, time = around.sizes(steady), Pace.of(steady, around.middle).slow / (2.0 * pi)
+    steady, surroundings = model.at(means) if means else model, Surroundings.of(recordings)
+    sizes, time = surroundings.sizes(steady), Pace.of(steady, surroundings.middle).slow / (2.0 * pi)
     signals = [*sizes, *(_root_mean_square(name, recordings) for name in model.inputs)]
     largest = np.abs(design_matrix(np.array([signals]), model.terms)[0])
     shares = identified.detection_limits * largest * time / sizes[:, np.newaxis]

@@ -292,8 +292,10 @@ def _compute_dynamics(
 ) -> Dynamics | None:
     """Compute the dynamics of a model from the parts of recordings that it was identified from."""
     inputs = typical_inputs(identified.model.inputs, parts)
-    around, rng = Surroundings.of(parts), np.random.default_rng(seed)
-    properties = of_line.dynamics(identified.at(inputs) if inputs else identified, around, rng)
+    surroundings, rng = Surroundings.of(parts), np.random.default_rng(seed)
+    properties = of_line.dynamics(
+        identified.at(inputs) if inputs else identified, surroundings, rng
+    )
     return replace(properties, at=inputs) if properties and inputs else properties
 
 
@@ -374,9 +376,11 @@ def longest_period(recordings: Sequence[Recording]) -> float:
     for recording in recordings:
         least = MIN_PERIODS / sampled_time(recording.time, recording.step) * (1.0 - TIME_ROUNDING)
         for channel in Sensed.by(recording).samples(recording).T:
-            known = np.isfinite(channel)
-            if np.count_nonzero(known) > 1:
-                frequency, share = spectrum(recording.time[known], channel[known], recording.step)
+            is_finite = np.isfinite(channel)
+            if np.count_nonzero(is_finite) > 1:
+                frequency, share = spectrum(
+                    recording.time[is_finite], channel[is_finite], recording.step
+                )
                 dominant = frequency[find_peaks(share)[1]]
                 frequencies += [f for f in dominant if f >= least][:1] or list(dominant[:1])
     return 1.0 / min(frequencies) if frequencies else np.inf
