@@ -429,17 +429,17 @@ def _simulate_rows(path, model, state, rate: float, last: int, inputs) -> Iterat
     limit = escape_distance(state)
     names, first = ("time_s", *model.states), 0
     while True:
-        until = min(first + ROWS_PER_BLOCK, last)
-        times = np.arange(first, until + 1) / rate
+        end = min(first + ROWS_PER_BLOCK, last)
+        times = np.arange(first, end + 1) / rate
         trajectory = simulator(model, state, times, inputs, limit)
         rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]
         for row in rows[np.isfinite(rows).all(axis=1)].tolist():
             yield dict(zip(names, row, strict=True))
         if trajectory.status != "ok":
             raise ValueError(f"{path}: {trajectory.status}")
-        if until == last:
+        if end == last:
             return
-        first, state = until, trajectory.states[-1]
+        first, state = end, trajectory.states[-1]
 
 
 @main.command()

@@ -159,8 +159,8 @@ class Following:
     @property
     def inverse_sigma(self) -> np.ndarray:
         """Inverse of the noise standard deviation of each channel, zero if it is not known."""
-        known = self.sigma > 0.0
-        return np.where(known, 1.0 / np.where(known, self.sigma, 1.0), 0.0)
+        is_positive = self.sigma > 0.0
+        return np.where(is_positive, 1.0 / np.where(is_positive, self.sigma, 1.0), 0.0)
 
     @cached_property
     def _simulator(self) -> Simulator:
@@ -170,8 +170,8 @@ class Following:
     def _limit(self) -> float:
         """Distance from zero beyond which a motion diverges, from the size of the recorded one."""
         model, recording = self.identified.model, self.recording
-        known = np.isfinite(recording.values)
-        size = np.where(known, np.abs(recording.values), 0.0).max(axis=0)
+        is_finite = np.isfinite(recording.values)
+        size = np.where(is_finite, np.abs(recording.values), 0.0).max(axis=0)
         steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
         size = estimate_missing_sizes(
             size, steady, np.zeros(len(size)), half_ranges([recording.rates])
