@@ -37,7 +37,7 @@ MAX_LISTED = 10  # listed differences of one table
 REFERENCE_TABLES = ("reference_summary", "reference_differences")  # tables of this comparison
 
 
-def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
+def compare_tables(reference: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """Compare two tables and return a row for each difference beyond the tolerances.
 
     The tables are of the same kind. A row is identified by those columns of `KEYS` that both tables
@@ -48,20 +48,23 @@ def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame
     column has the row "(column)". Rows with the same keys are distinguished by their order. Raises
     ValueError if the tables have no key.
     """
-    return _compare_values(reference, found)[0]
+    return _compare_values(reference, table)[0]
 
 
 def _compare_values(
-    reference: pd.DataFrame, found: pd.DataFrame
+    reference: pd.DataFrame, table: pd.DataFrame
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the differences, and every common value, with a column `agrees` (bool)."""
-    left, right = _index_by_keys(reference, found)
+    reference_rows, table_rows = _index_by_keys(reference, table)
     present = [
         (WHOLE_COLUMN, n, *sides)
-        for n, *sides in _compare_presence(reference.columns, found.columns)
+        for n, *sides in _compare_presence(reference.columns, table.columns)
     ]
-    present += [(n, WHOLE_ROW, *sides) for n, *sides in _compare_presence(left.index, right.index)]
-    values = _merge_values(left, right)
+    present += [
+        (n, WHOLE_ROW, *sides)
+        for n, *sides in _compare_presence(reference_rows.index, table_rows.index)
+    ]
+    values = _merge_values(reference_rows, table_rows)
     apart = values.loc[~values["agrees"], list(COLUMNS)]
     return pd.DataFrame([*present, *apart.itertuples(index=False)], columns=COLUMNS), values
 
@@ -148,10 +151,10 @@ def _key_as_text(column: pd.Series) -> pd.Series:
     return f"{column.name}=" + text
 
 
-def _compare_presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
-    for name in reference.difference(found, sort=False):
+def _compare_presence(reference: pd.Index, names: pd.Index) -> Iterator[tuple]:
+    for name in reference.difference(names, sort=False):
         yield name, "present", "absent", np.nan, np.nan
-    for name in found.difference(reference, sort=False):
+    for name in names.difference(reference, sort=False):
         yield name, "absent", "present", np.nan, np.nan
 
 
@@ -265,10 +268,10 @@ def compare_study(
 
 
 def _compare_origins(
-    made: Mapping[str, str], present: Mapping[str, str]
+    old: Mapping[str, str], present: Mapping[str, str]
 ) -> tuple[pd.DataFrame, dict[str, object]]:
-    sides = pd.DataFrame({"reference": made, "this_run": present}, dtype=object).fillna("absent")
-    keys = dict.fromkeys([*made, *present])
+    sides = pd.DataFrame({"reference": old, "this_run": present}, dtype=object).fillna("absent")
+    keys = dict.fromkeys([*old, *present])
     sides = sides.loc[list(keys)].rename_axis("row").reset_index()
     differences = sides[sides["reference"] != sides["this_run"]]
     absent = {side: int((sides[side] == "absent").sum()) for side in ("reference", "this_run")}
@@ -287,18 +290,18 @@ def _compare_table(
     reference: pd.DataFrame, table: pd.DataFrame, reason: str
 ) -> tuple[pd.DataFrame, dict[str, object]]:
     """Compare one table: differences and their summary. reason: why it may differ."""
-    found, values = _compare_values(reference, table)
-    rows = found[found["column"] == WHOLE_ROW]
+    differences, values = _compare_values(reference, table)
+    rows = differences[differences["column"] == WHOLE_ROW]
     parts = (values["difference"].abs() / values["tolerance"]).fillna(0)
     largest = values.loc[parts.idxmax()] if parts.any() else None
-    return found, {
+    return differences, {
         "rows_compared": values["row"].nunique(),
         "rows_only_in_reference": int((rows["this_run"] == "absent").sum()),
         "rows_only_in_this_run": int((rows["reference"] == "absent").sum()),
         "values_compared": len(values),
-        "values_beyond_tolerance": len(found) - len(rows),
+        "values_beyond_tolerance": len(differences) - len(rows),
         "largest_difference_in_tolerances": parts.max() if len(parts) else 0.0,
         "largest_difference_at": None if largest is None
         else f"{largest['row']}, {largest['column']}",
-        "verdict": reason if len(found) else AGREES,
+        "verdict": reason if len(differences) else AGREES,
     }  # fmt: skip

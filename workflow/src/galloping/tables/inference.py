@@ -43,25 +43,25 @@ def paper_readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     its most probable setting.
     """
     rows = pd.concat([parts[name] for name in equal_effort(parts)])
-    tried, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))
-    settings = dict(list(tried.groupby("reading", sort=False)))
+    setting_rows, judged = (rows[rows["stage"] == stage] for stage in ("tried", "judged"))
+    settings = dict(list(setting_rows.groupby("reading", sort=False)))
     evidence = {name: _log_evidence(rows) for name, rows in settings.items()}
     first, first_error = evidence[FIRST_READING.name]
-    factors = [name for name in tried.columns if _is_factor(name)]
+    factors = [name for name in setting_rows.columns if _is_factor(name)]
     table = []
-    expected = _posterior_means(settings[FIRST_READING.name], factors)
+    first_means = _posterior_means(settings[FIRST_READING.name], factors)
     for name in READINGS_BY_NAME:
         if name not in settings:
             continue
-        own, (log_evidence, error) = settings[name], evidence[name]
+        group, (log_evidence, error) = settings[name], evidence[name]
         power = (log_evidence - first) / np.log(10)
         error = np.hypot(error, first_error * (name != FIRST_READING.name)) / np.log(10)
-        losses = _posterior_means(own, factors) - expected
+        losses = _posterior_means(group, factors) - first_means
         best = judged[judged["reading"] == name].nlargest(1, "log_likelihood").iloc[0]
         table.append({
-            "reading": name, "changes": READINGS_BY_NAME[name].kind, "settings_tried": len(own),
-            "settings_proposed": int(own["proposed"].sum()),
-            "effective_settings": effective_number(_normalise_weights(own["log_weight"])),
+            "reading": name, "changes": READINGS_BY_NAME[name].kind, "settings_tried": len(group),
+            "settings_proposed": int(group["proposed"].sum()),
+            "effective_settings": effective_number(_normalise_weights(group["log_weight"])),
             "log10_bayes_factor": power, "standard_error": error,
             "verdict": "first" if name == FIRST_READING.name else _judge_reading(power, error),
             "worst_claims": losses.idxmin() if losses.min() < 0 else "",
@@ -87,12 +87,12 @@ def _is_factor(name: str) -> bool:
     return name in claims or name.startswith("noise ") or name.endswith(" points")
 
 
-def _log_evidence(tried: pd.DataFrame) -> tuple[float, float]:
+def _log_evidence(settings: pd.DataFrame) -> tuple[float, float]:
     """Compute the logarithm of the mean evidence of the runs, and its standard error."""
-    logs = tried["log_weight"].to_numpy(float)
+    logs = settings["log_weight"].to_numpy(float)
     top = logs.max()
     weights = np.exp(logs - top)
-    runs = tried.groupby("replicate")["proposed"].first()
+    runs = settings.groupby("replicate")["proposed"].first()
     error = np.sqrt(np.sum(weights**2) / np.sum(weights) ** 2 - 1 / runs.sum())
     return float(top + np.log(weights.sum() / len(runs))), float(error)
 
@@ -102,10 +102,10 @@ def _normalise_weights(log_weights: pd.Series) -> np.ndarray:
     return weights / weights.sum()
 
 
-def _posterior_means(tried: pd.DataFrame, columns: list[str]) -> pd.Series:
+def _posterior_means(settings: pd.DataFrame, columns: list[str]) -> pd.Series:
     """Average the logarithms of the factors over the posterior."""
-    weights = _normalise_weights(tried["log_weight"])
-    return pd.Series(weights @ tried[columns].clip(lower=-30.0).to_numpy(float), columns)
+    weights = _normalise_weights(settings["log_weight"])
+    return pd.Series(weights @ settings[columns].clip(lower=-30.0).to_numpy(float), columns)
 
 
 def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -120,13 +120,15 @@ def region_samples(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     rows = rows[(rows["reading"] == FIRST_READING.name) & rows["stage"].isin(("tried", "draw"))]
     is_setting = rows["stage"] == "tried"
     rows = rows.assign(setting=is_setting.cumsum())
-    tried = rows[is_setting].set_index("setting")
-    draws = rows[~is_setting].groupby("setting").size().reindex(tried.index)
+    settings = rows[is_setting].set_index("setting")
+    draws = rows[~is_setting].groupby("setting").size().reindex(settings.index)
     table = rows[["stage", "setting", *UNKNOWN_NAMES, *(claim.name for claim in PRINTED_CLAIMS)]]
     for group in (ALL_NUMBERS, *CLAIM_GROUPS):
-        known = tried["log_likelihood"] if group == ALL_NUMBERS else tried[f"without_{group}"]
-        logs = tried["log_weight"] - tried["log_likelihood"] + known
-        weights = pd.Series(_normalise_weights(logs), tried.index)
+        log_likelihood = (
+            settings["log_likelihood"] if group == ALL_NUMBERS else settings[f"without_{group}"]
+        )
+        logs = settings["log_weight"] - settings["log_likelihood"] + log_likelihood
+        weights = pd.Series(_normalise_weights(logs), settings.index)
         shared = rows["setting"].map(weights / draws)
         of_rows = np.where(is_setting, rows["setting"].map(weights), shared)
         table = table.assign(**{f"weight_{group}": of_rows})
@@ -139,12 +141,14 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     There is a row for each unknown, which says whether the printed numbers determine it. samples:
     of `region_samples`; readings: of `paper_readings`.
     """
-    tried = samples[samples["stage"] == "tried"]
-    effective = effective_number(tried[f"weight_{ALL_NUMBERS}"])
-    best = tried.loc[tried[f"weight_{ALL_NUMBERS}"].idxmax()]
+    settings = samples[samples["stage"] == "tried"]
+    effective = effective_number(settings[f"weight_{ALL_NUMBERS}"])
+    best = settings.loc[settings[f"weight_{ALL_NUMBERS}"].idxmax()]
     table = []
     for unknown in UNKNOWNS:
-        low, _, high = _weighted_quantiles(tried[unknown.name], tried[f"weight_{ALL_NUMBERS}"])
+        low, _, high = _weighted_quantiles(
+            settings[unknown.name], settings[f"weight_{ALL_NUMBERS}"]
+        )
         factor = high / low
         table.append({
             "unknown": unknown.name, "key": ".".join(unknown.path), "unit": unknown.unit,
@@ -189,14 +193,14 @@ def predictions(samples: pd.DataFrame) -> pd.DataFrame:
 
     samples: of `region_samples`.
     """
-    drawn, table = samples[samples["stage"] == "draw"], []
+    draws, table = samples[samples["stage"] == "draw"], []
     settings = samples[samples["stage"] == "tried"]
     for claim in PRINTED_CLAIMS:
         group = group_of(claim)
         row = {"claim": claim.name, "group": group, "kind": claim.kind, "printed": claim.printed}
-        values = drawn[claim.name].to_numpy(float)
+        values = draws[claim.name].to_numpy(float)
         for name, column in (("fitted", f"weight_{ALL_NUMBERS}"), ("predicted", f"weight_{group}")):
-            weights = drawn[column].to_numpy(float)
+            weights = draws[column].to_numpy(float)
             effective = effective_number(settings[column])
             share = min(float(np.sum(weights * claim.is_met(values))), 1.0)  # but for rounding
             row |= {
@@ -219,13 +223,13 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     angle` are conditions on the motion.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
-    drawn = rows[rows["stage"] == "draw"]
+    draws = rows[rows["stage"] == "draw"]
     is_met = {
-        "steady": (drawn["change"] < MAX_STEADY_CHANGE).to_numpy(),
-        "attack angle": (drawn["attack"] <= MAX_ATTACK_ANGLE).to_numpy(),
+        "steady": (draws["change"] < MAX_STEADY_CHANGE).to_numpy(),
+        "attack angle": (draws["attack"] <= MAX_ATTACK_ANGLE).to_numpy(),
     }
     for claim in PRINTED_CLAIMS:
-        values = drawn[claim.name].to_numpy(float)
+        values = draws[claim.name].to_numpy(float)
         if claim.is_number:
             with np.errstate(divide="ignore"):
                 distances = np.abs(np.log(values / claim.printed))
@@ -236,12 +240,12 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     met = pd.DataFrame(is_met).astype(int)
     counts, both = met.sum(), met.T @ met
     table = pairs.assign(
-        studies=len(drawn),
+        studies=len(draws),
         first=counts[pairs["claim"]].to_numpy(),
         second=counts[pairs["other"]].to_numpy(),
         both=[both.loc[pair] for pair in pairs.itertuples(index=False, name=None)],
     )
-    chance = table["first"] * table["second"] / len(drawn)
+    chance = table["first"] * table["second"] / len(draws)
     ratio = table["both"] / chance.where(chance > 0)
     verdict = np.where(
         table["both"] < MAX_JOINT_SHARE * chance, "exclude each other", "go together"

@@ -77,9 +77,13 @@ def claims_table(
                 if pair == PAPER_PAIR and draws and case in draws:
                     rows.append(_claim_row(claim, case, pair, draws[case]))
                     continue
-                own = scores[(scores["protocol"] == pair[0]) & (scores["method"] == pair[1])]
-                if claim.cell_kind in set(own["kind"]):  # else it cannot use them
-                    rows.append(_claim_row(claim, case, pair, own[own["case"] == case]))
+                pair_scores = scores[
+                    (scores["protocol"] == pair[0]) & (scores["method"] == pair[1])
+                ]
+                if claim.cell_kind in set(pair_scores["kind"]):  # else it cannot use them
+                    rows.append(
+                        _claim_row(claim, case, pair, pair_scores[pair_scores["case"] == case])
+                    )
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -95,18 +99,18 @@ def paper_table(
     claim, `joint` or `beyond`.
     """
     pairs = zip(claims["protocol"], claims["method"], strict=True)
-    own = claims[[pair in (PAPER_PAIR, LINE_PAIR) for pair in pairs]]
+    paper_claims = claims[[pair in (PAPER_PAIR, LINE_PAIR) for pair in pairs]]
     rows: list[dict] = []
     for case, departure in settings["departures"].items():
-        about = [claim for claim in CLAIMS if claim.case in ("", case)]
+        case_claims = [claim for claim in CLAIMS if claim.case in ("", case)]
         if departure:
             why = {"case": case, "verdict": "not judged", "reason": departure}
             rows += [{**_cell_columns(claim), **why, "paper_value": claim.printed,
-                      "direction": claim.direction} for claim in about]  # fmt: skip
+                      "direction": claim.direction} for claim in case_claims]  # fmt: skip
             continue
-        of_case = own[own["case"] == case].set_index("claim").to_dict("index")
-        rows += [{**of_case[c.name], **_cell_columns(c)} for c in about if c.name in of_case]
-        rows += _joint_rows(about, case, draws[case])
+        of_case = paper_claims[paper_claims["case"] == case].set_index("claim").to_dict("index")
+        rows += [{**of_case[c.name], **_cell_columns(c)} for c in case_claims if c.name in of_case]
+        rows += _joint_rows(case_claims, case, draws[case])
     rows += [{**_cell_columns(claim), "role": BEYOND_ROLE, "case": "",
               "verdict": "beyond judgement", "reason": claim.note}
              for claim in UNJUDGED_CLAIMS]  # fmt: skip
@@ -130,15 +134,16 @@ def _joint_rows(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list
     of_r2 = [claim for claim in bounds if claim.is_r2]
     rows = []
     for name, group in (("R2 bounds", of_r2), ("claims except printed errors", bounds)):
-        if len(group) < 2 or (kept := find_joint_draws(group, draws)) is None:
+        if len(group) < 2 or (is_joint := find_joint_draws(group, draws)) is None:
             continue
-        found = share_with_interval(kept)
-        share, low, high = (100 * found[key] for key in SHARE_COLUMNS)
+        interval = share_with_interval(is_joint)
+        share, low, high = (100 * interval[key] for key in SHARE_COLUMNS)
         rows.append({
             "claim": f"all {len(group)} {name} at once", "role": JOINT_ROLE, "case": case,
-            "direction": "", **{CLAIM_COLUMNS.get(key, key): value for key, value in found.items()},
-            "verdict": verdict_of_share(found),
-            "reason": f"{share:.0f} % ({low:.0f} to {high:.0f} %) of {len(kept)} realisations",
+            "direction": "",
+            **{CLAIM_COLUMNS.get(key, key): value for key, value in interval.items()},
+            "verdict": verdict_of_share(interval),
+            "reason": f"{share:.0f} % ({low:.0f} to {high:.0f} %) of {len(is_joint)} realisations",
         })  # fmt: skip
     return rows
 
@@ -165,10 +170,12 @@ def _measure_motion(motion: Motion, window: tuple[float, float], wind: float) ->
 
 
 def _claim_row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -> dict:
-    about = {name: getattr(claim, name) for name in ("source", "direction", "quantity")}
-    found = {CLAIM_COLUMNS.get(name, name): value for name, value in judge(claim, scores).items()}
+    attributes = {name: getattr(claim, name) for name in ("source", "direction", "quantity")}
+    judgment = {
+        CLAIM_COLUMNS.get(name, name): value for name, value in judge(claim, scores).items()
+    }
     return {
-        "claim": claim.name, **about, "case": case, "paper_value": claim.printed, **found,
+        "claim": claim.name, **attributes, "case": case, "paper_value": claim.printed, **judgment,
         "protocol": pair[0], "method": pair[1],
     }  # fmt: skip
 
@@ -200,14 +207,14 @@ def variation_rows(
                 [*coefficients(each).values(), *initial_state(each)] for each in (case, varied)
             )
             is_own = np.allclose(ours, others, rtol=1e-8, atol=1e-12)
-        found = drawn
+        scores = drawn
         if not is_own:
-            found = paper_draws(varied, name=(name,), amounts=amounts, **other)
+            scores = paper_draws(varied, name=(name,), amounts=amounts, **other)
         motion, _ = line_motion(varied, amounts.duration, amounts.sampling_rate)
-        about = {"cases": [name], "pairs": [PAPER_PAIR], "steady_window": amounts.steady_window,
+        options = {"cases": [name], "pairs": [PAPER_PAIR], "steady_window": amounts.steady_window,
                  "winds": {name: varied["wind"]["speed"]}}  # fmt: skip
-        table = claims_table(found, about, {name: found}, {name: [motion]})
-        place = {"parameter": parameter, "unit": opened.unit, "value": value}
-        place |= {"is_default": is_own, "is_reproduced": table["verdict"].isin(HELD_VERDICTS)}
-        tables.append(table.assign(**place)[[*place, *COLUMNS]])
+        table = claims_table(scores, options, {name: scores}, {name: [motion]})
+        keys = {"parameter": parameter, "unit": opened.unit, "value": value}
+        keys |= {"is_default": is_own, "is_reproduced": table["verdict"].isin(HELD_VERDICTS)}
+        tables.append(table.assign(**keys)[[*keys, *COLUMNS]])
     return pd.concat(tables, ignore_index=True)

@@ -39,34 +39,34 @@ def limit_cycles_ahead(
     recorded = steady_amplitude(first.states[(first.time >= begin) & (first.time <= end)])
     true = np.full(len(first.names), np.nan)
     if first.status == "ok" and not settings["is_continuous"]:
-        own = IdentifiedModel(model.model, "unjudged")
+        true_model = IdentifiedModel(model.model, "unjudged")
         with suppress(ValueError):  # a line that comes to rest has none
-            true, *_ = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0))
+            true, *_ = limit_cycle_ahead(true_model, first.states[0], np.random.default_rng(0))
     rows = []
     for name, columns in settings["cells"].items():
         models, cycles = identified[name][settings["method"]][:MAX_REPLICATES], []
-        for replicate, found in enumerate(models):
+        for replicate, identified_model in enumerate(models):
             rng = make_generator(settings["seed"], "limit cycle ahead", name, replicate)
             with suppress(ValueError, np.linalg.LinAlgError):
-                cycles.append(limit_cycle_ahead(found, first.states[0], rng))
-        known = {key: columns[key] for key in ("case", "protocol", "level")}
-        known |= {"method": settings["method"], "replicates": len(models)}
-        known |= {"n_limit_cycles": len(cycles)}
+                cycles.append(limit_cycle_ahead(identified_model, first.states[0], rng))
+        cell = {key: columns[key] for key in ("case", "protocol", "level")}
+        cell |= {"method": settings["method"], "replicates": len(models)}
+        cell |= {"n_limit_cycles": len(cycles)}
         for k, state in enumerate(first.names[: len(first.names) // 2]):
-            place = {"state": state, "recorded_m": recorded[k], "true_m": true[k]}
-            rows.append(known | place | _summarise_cell(cycles, k, true[k]))
+            displacements = {"state": state, "recorded_m": recorded[k], "true_m": true[k]}
+            rows.append(cell | displacements | _summarise_cell(cycles, k, true[k]))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _summarise_cell(cycles: Sequence, k: int, true: float) -> dict[str, float]:
     """Compute medians of one cell's predictions of a displacement, and their coverage."""
     predicted, low, high = np.reshape([[of[k] for of in cycle] for cycle in cycles], (-1, 3)).T
-    stated = np.isfinite(low)
-    median = {"predicted_m": predicted, "low_m": low[stated], "high_m": high[stated]}
-    held = (low <= true) & (true <= high)
+    has_interval = np.isfinite(low)
+    median = {"predicted_m": predicted, "low_m": low[has_interval], "high_m": high[has_interval]}
+    is_covered = (low <= true) & (true <= high)
     return {
         **{name: np.median(of) if len(of) else np.nan for name, of in median.items()},
-        "coverage_95_percent": 100.0 * np.mean(held[stated])
-        if stated.any() and np.isfinite(true)
+        "coverage_95_percent": 100.0 * np.mean(is_covered[has_interval])
+        if has_interval.any() and np.isfinite(true)
         else np.nan,
     }

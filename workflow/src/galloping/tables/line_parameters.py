@@ -38,15 +38,15 @@ def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFram
     table = table.sort_values("case", key=lambda of: of.map(list(study.cases).index), kind="stable")
     if region is None:
         return table.reset_index(drop=True)
-    for place, row in enumerate(table.to_dict("records")):
+    for k, row in enumerate(table.to_dict("records")):
         if row["case"] != CASE:
             continue
-        found = region[(region["key"] == row["key"]) & region["best"].notna()]
+        inferred_rows = region[(region["key"] == row["key"]) & region["best"].notna()]
         value = np.nan if isinstance(row["value"], str) else float(row["value"])
-        for low, high in found[["low", "high"]].to_numpy()[:1]:
+        for low, high in inferred_rows[["low", "high"]].to_numpy()[:1]:
             if low <= value <= high:
                 note = f"from the paper's printed numbers (make paper): {low:.3g} to {high:.3g}"
-                table.iloc[place, -2:] = "inferred", note
+                table.iloc[k, -2:] = "inferred", note
     return table.reset_index(drop=True)
 
 
@@ -76,13 +76,13 @@ def _tabulate_parameters(study: Settings) -> pd.DataFrame:
 
 
 def _of_case(name: str, values: dict) -> Iterator[tuple]:
-    named = [
+    nodes = [
         (key.replace("<name>", release), node)
         for key, node in leaves(child(child(schema(), "cases"), name))
         for release in (values["initial_states"] if "<name>" in key else [""])
         if not key.startswith("truth.") or values["truth"]["model"] == "continuous"
     ]
-    for key, node in named:
+    for key, node in nodes:
         value = reduce(getitem, key.split("."), values)
         for i, item in enumerate(value if isinstance(value, list) else [value]):
             if item is not None:

@@ -76,9 +76,9 @@ def medians(
 
     columns: from the name in `axis` to the score's column. value: stem of the result's columns.
     """
-    own = scores[[*keys, "motion", *columns.values()]]
-    own = own.rename(columns={column: name for name, column in columns.items()})
-    long = own.melt([*keys, "motion"], var_name=axis, value_name=value)
+    numbers = scores[[*keys, "motion", *columns.values()]]
+    numbers = numbers.rename(columns={column: name for name, column in columns.items()})
+    long = numbers.melt([*keys, "motion"], var_name=axis, value_name=value)
     long[axis] = pd.Categorical(long[axis], list(columns))  # in this order
     groups = long.groupby([*keys, axis], observed=True)
     table = groups.agg(
@@ -122,18 +122,20 @@ def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataF
     if not oracles:
         return pd.DataFrame(columns=PEER_COLUMNS)
     one = [*CELL_COLUMNS, "method", "replicate"]
-    oracle, chosen = (
+    oracle, chosen_scores = (
         rows.assign(
             mean_error_percent=mean_error(rows), share_exact_support=exact(rows).astype(float)
         )
         for rows in (pd.concat(oracles.values()), of_kind(scores, NOISE))
     )
-    chosen = chosen.merge(oracle[CELL_COLUMNS].drop_duplicates())
-    both = pd.concat([oracle, chosen.merge(oracle[one].drop_duplicates())])
+    chosen_scores = chosen_scores.merge(oracle[CELL_COLUMNS].drop_duplicates())
+    both = pd.concat([oracle, chosen_scores.merge(oracle[one].drop_duplicates())])
     best = {"mean_error_percent": "min"}
     best |= dict.fromkeys(("share_exact_support", "r2_q_v", "r2_q_w"), "max")
     best = both.groupby(one, as_index=False).agg(best)
-    table = pd.concat([chosen.assign(setting=CHOSEN_SETTING), best.assign(setting=ORACLE_SETTING)])
+    table = pd.concat(
+        [chosen_scores.assign(setting=CHOSEN_SETTING), best.assign(setting=ORACLE_SETTING)]
+    )
     table = table.groupby([*CELL_COLUMNS, "method", "setting"], as_index=False).agg(
         mean_error_percent=("mean_error_percent", "median"),
         share_exact_support=("share_exact_support", "mean"),

@@ -32,12 +32,12 @@ def identified_terms(
     lacking = extend_library(terms, model)[len(terms) :]
     terms = terms + lacking
     true = model.on_library(terms)
-    found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
-    found = np.pad(found, ((0, 0), (0, 0), (0, len(lacking))))
+    coefficients = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
+    coefficients = np.pad(coefficients, ((0, 0), (0, 0), (0, len(lacking))))
     parts = []
     for row, equation in EQUATIONS.items():
-        present = np.flatnonzero(true.support[row] | np.any(found[:, row] != 0, axis=0))
-        values = -found[:, row, present]
+        present = np.flatnonzero(true.support[row] | np.any(coefficients[:, row] != 0, axis=0))
+        values = -coefficients[:, row, present]
         intervals = np.reshape([median_and_interval(each) for each in values.T], (-1, 3))
         part = pd.DataFrame(intervals, columns=["identified", "low", "high"]).assign(
             equation=equation,
@@ -68,10 +68,10 @@ def table3(
     the library.
     """
     terms = polynomial_library(len(STATES), settings["degree"])
-    named = {key: settings[key] for key in ("protocol", "method", "level")}
+    cell = {key: settings[key] for key in ("protocol", "method", "level")}
     tables = [
         identified_terms(models[case].model, identified[case][settings["method"]], terms).assign(
-            case=case, **named
+            case=case, **cell
         )
         for case in settings["cases"]
     ]
@@ -81,7 +81,7 @@ def table3(
         error = 100 * np.abs(table["identified"] - table["true"]) / np.abs(table["true"])
     table = table.assign(relative_error_percent=error)
     first = ["case", "equation", "symbol", "term", "true", "identified", "relative_error_percent"]
-    return table[[*first, *named]]
+    return table[[*first, *cell]]
 
 
 def equations(
@@ -110,10 +110,10 @@ def equations(
         part["standard_error"] = [errors.get(key, np.nan) for key in keys]
         part["identified"] = part["identified"].where(part["identified"] != 0)
         parts.append(part.assign(case=settings["case"], **fit))
-    found = pd.concat(parts, ignore_index=True)
+    table = pd.concat(parts, ignore_index=True)
     if settings["is_continuous"]:
-        found["true"] = np.nan
-    return found[["case", "protocol", "method", "level", *TERM_COLUMNS[:5], "standard_error"]]
+        table["true"] = np.nan
+    return table[["case", "protocol", "method", "level", *TERM_COLUMNS[:5], "standard_error"]]
 
 
 def as_printed(table3: pd.DataFrame) -> pd.DataFrame:
