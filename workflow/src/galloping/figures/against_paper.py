@@ -91,10 +91,10 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     left.barh(
         places, high - low, left=low, height=0.3, color=style.MODEL_COLOR, label="left by the paper"
     )
-    for place, row in enumerate(numbers.itertuples()):
+    for y, row in enumerate(numbers.itertuples()):
         unit = "" if row.unit == "1" else f" {row.unit}"
         text = f"{row.low:.2g} to {row.high:.2g}{unit}"
-        left.text(103, place, text, va="center", size="small")
+        left.text(103, y, text, va="center", size="small")
     parts.rows(left, [UNKNOWN_LABELS[name] for name in numbers["unknown"]], lines=False)
     left.set(xlim=(0, 165), xticks=[0, 50, 100], xlabel="% of the range, in equal ratios")
     parts.letter(right, 1, "readings of the paper")

@@ -45,24 +45,24 @@ def draw_coefficients(
     if not levels:
         return parts.make_empty_figure("no noise level above zero, or no true values")
     terms = polynomial_library(len(STATES), settings["degree"])
-    found = [
+    tables = [
         identified_terms(model.model, identified[cell][settings["method"]], terms)
         for cell in settings["levels"]
     ]
-    true = found[0][found[0]["true"] != 0]
+    true = tables[0][tables[0]["true"] != 0]
     figure, ((above,), (below,)) = parts.panels(3.0, 2, width=SINGLE_COLUMN, height_ratios=(1, 1.2))
-    known = identified[next(iter(settings["levels"]))][settings["method"]][0].known
+    known_equations = identified[next(iter(settings["levels"]))][settings["method"]][0].known
     if settings["kinematics"] == KNOWN:
-        known = tuple(velocity_pairs(STATES))
+        known_equations = tuple(velocity_pairs(STATES))
     present = model.model.on_polynomials(settings["degree"]).support[:, : len(terms)]
-    possible = int(np.sum(~np.delete(present, known, axis=0)))
+    possible = int(np.sum(~np.delete(present, known_equations, axis=0)))
     realisations = replace_cells(table, draws, settings)
     _draw_false_terms(above, realisations, possible, settings["label"])
-    reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_divide_by_truth(each) - 1)) for each in found))
+    reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_divide_by_truth(each) - 1)) for each in tables))
     limits = max(RATIO_LIMITS[0], 1 - reach), min(RATIO_LIMITS[1], 1 + reach)
     parts.letter(below, 1, "coefficients over their true values")
     below.axhline(1, color=TRUE_COLOR, lw=0.8)
-    for k, (level, each) in enumerate(zip(levels, found, strict=True)):
+    for k, (level, each) in enumerate(zip(levels, tables, strict=True)):
         x = np.arange(len(true)) + SYMBOL_SPACING * (k - (len(levels) - 1) / 2)
         _draw_ratios(below, x, each, limits, *SERIES[2 * k % len(SERIES)], f"noise {level:g}")
     vertical = (true["equation"] == EQUATIONS[min(EQUATIONS)]).sum()

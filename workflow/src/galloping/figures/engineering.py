@@ -50,10 +50,10 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     columns = min(len(names), MAX_COLUMNS)
     height = parts.height(0.6, 3.6, -(-len(names) // columns))
     figure, grid = parts.wrapped_grid(len(names), columns, height)
-    drawn = [places for of_case in orbits.values() for places in of_case.values()]
+    outlines = [places for of_case in orbits.values() for places in of_case.values()]
     for case in settings["cases"].values():
-        drawn += [each.outline() for each in design_ellipses(case).values()]
-    reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in drawn)
+        outlines += [each.outline() for each in design_ellipses(case).values()]
+    reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in outlines)
     for k, (axes, name) in enumerate(zip(grid, names, strict=True)):
         without = "" if orbits[name] else ": no limit cycle at these winds"
         parts.letter(axes, k, f"{spoken(name)}{without}")
@@ -99,9 +99,9 @@ def _draw_orbits_of_case(
     axes.axhline(sag, **LEVEL_STYLE)
     axes.text(0.02, sag, "supports", transform=axes.get_yaxis_transform(), va="bottom",
               color="#5f5f5f", size="small")  # fmt: skip
-    place = 0.95 * reach
-    arrow(axes, (place, 0), (place, sag), style="<|-|>", width=0.8)
-    axes.text(place, 0.75 * sag, f"sag {sag:.1f} m", size="small", rotation=90, ha="right",
+    arrow_x = 0.95 * reach
+    arrow(axes, (arrow_x, 0), (arrow_x, sag), style="<|-|>", width=0.8)
+    axes.text(arrow_x, 0.75 * sag, f"sag {sag:.1f} m", size="small", rotation=90, ha="right",
               va="center")  # fmt: skip
     side = case["bundle"]["dimension"]
     axes.add_patch(Rectangle((-side / 2, -side / 2), side, side, fc=INK, ec=INK))
@@ -128,14 +128,14 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
             least = limit if name == "clearance_m" else 0.0
             reach = np.max(known, initial=least, where=np.isfinite(known))
             parts.rows(axes, labels)
-            for place, value in enumerate(values):
+            for y, value in enumerate(values):
                 text, end, color = _format_value(value[0]), 0.0, PAPER_COLOR
                 if np.isfinite(value[0]):
                     text += " or never" if np.isposinf(value[2]) else ""
                     end, color = np.nanmax(np.minimum(value, reach)), MODEL_COLOR
                     limits = (-np.inf, reach)
-                    parts.dot(axes, place, value, limits, MODEL_COLOR, "o", 3.5, bar={"lw": 1.6})
-                axes.annotate(text, (end, place), (5, 0), textcoords="offset points", va="center",
+                    parts.dot(axes, y, value, limits, MODEL_COLOR, "o", 3.5, bar={"lw": 1.6})
+                axes.annotate(text, (end, y), (5, 0), textcoords="offset points", va="center",
                               size="small", color=color)  # fmt: skip
             axes.set(xlim=(-0.04 * reach, 1.4 * max(reach, 1e-3)))
         axes.axvline(limit, color=PAPER_COLOR, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
@@ -238,7 +238,7 @@ def _prepare_scene(
     plan.set(xlim=(0, line.span), ylim=(-reach, reach), xlabel="m along the span",
              ylabel="downwind, m")  # fmt: skip
     middle.plot(states[:, 1], states[:, 0], color=TRUE_COLOR, lw=0.8)
-    (place,) = middle.plot([0], [0], ls="", marker="s", ms=5, mfc="white", mec=INK, mew=1.3)
+    (point,) = middle.plot([0], [0], ls="", marker="s", ms=5, mfc="white", mec=INK, mew=1.3)
     middle.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
                xlabel="downwind at mid-span, m", ylabel="vertical, m")  # fmt: skip
 
@@ -246,6 +246,6 @@ def _prepare_scene(
         v, w = states[frame, :2]
         side.set_ydata(rest + phi.shape * v)
         above.set_ydata(psi.shape * w)
-        place.set_data([w], [v])
+        point.set_data([w], [v])
 
     return figure, update

@@ -123,40 +123,40 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
     study is not the paper's, and what the paper prints is not drawn.
     """
     x, case = settings["x"], settings["case"]
-    chosen = replace_cells(table, draws, settings)
-    chosen = chosen[chosen["level"] > 0]
-    if chosen.empty:
+    rows = replace_cells(table, draws, settings)
+    rows = rows[rows["level"] > 0]
+    if rows.empty:
         return parts.make_empty_figure("the paper's method has no noisy recordings in this study")
     quantities = [QUANTITIES[name] for name in settings["quantities"]]
     height = 0.85 + (1.75 if len(quantities) == 1 else 1.35 * len(quantities))
     figure, grid = parts.panels(height, len(quantities), width=SINGLE_COLUMN, sharex=True)
-    panes, places = grid[:, 0], parts.LogAxis.of(chosen[x])
+    panes, places = grid[:, 0], parts.LogAxis.of(rows[x])
     for quantity, axes in zip(quantities, panes, strict=True):
         places.prepare(axes, settings["labels"][settings["protocol"]] if axes is panes[-1] else "")
-        columns = [name for name in quantity.columns if chosen.get(name, NO_VALUES).notna().any()]
+        columns = [name for name in quantity.columns if rows.get(name, NO_VALUES).notna().any()]
         if not columns:
             parts.write_reason(axes, "this line has no such values")
             continue
-        by_place = {name: _tabulate_interval(chosen, x, name) for name in columns}
+        by_place = {name: _tabulate_interval(rows, x, name) for name in columns}
         claims = [] if draws is None else [c for name in columns for c in printed(name, case)]
         stars = [claim.printed for claim in claims]
         limits = quantity.limits(np.concatenate([stars, *map(np.ravel, by_place.values())]))
         quantity.prepare(axes, limits)
         for k, (name, values) in enumerate(by_place.items()):
             shift = SERIES_SPACING * (k - (len(by_place) - 1) / 2)
-            at = {value: places.position(value, shift) for value in values.index}
-            _draw_series(axes, list(at.values()), quantity.place(values.T), limits, k)
+            positions = {value: places.position(value, shift) for value in values.index}
+            _draw_series(axes, list(positions.values()), quantity.place(values.T), limits, k)
             label = quantity.columns[name]
             axes.plot([], [], color=SERIES[k][0], marker=SERIES[k][1], ls=DASHES[k], label=label)
             for claim in claims:
-                is_drawn = claim.cell_kind == settings["kind"] and getattr(claim, x) in at
+                is_drawn = claim.cell_kind == settings["kind"] and getattr(claim, x) in positions
                 is_drawn &= claim.column == name
-                if claim.is_counted and is_drawn and claim.level in set(chosen["level"]):
-                    place = at[getattr(claim, x)], quantity.place(claim.printed)
+                if claim.is_counted and is_drawn and claim.level in set(rows["level"]):
+                    place = positions[getattr(claim, x)], quantity.place(claim.printed)
                     look = STAR if claim.is_number else BAR
                     axes.plot(*place, ls="", color=PAPER_COLOR, **look)
     parts.legend(figure, columns=2)
-    figure.set_label(_describe_trend(chosen, x, quantities[-1]))
+    figure.set_label(_describe_trend(rows, x, quantities[-1]))
     return figure
 
 
@@ -170,12 +170,12 @@ def _draw_series(
     parts.points(axes, x, values[0], limits, color, marker, 4)
 
 
-def _describe_trend(chosen: pd.DataFrame, x: str, quantity: Quantity) -> str:
+def _describe_trend(rows: pd.DataFrame, x: str, quantity: Quantity) -> str:
     """Describe the median of the quantity's first column at both ends of the axis."""
     name, label = next(iter(quantity.columns.items()))
-    if chosen.get(name, NO_VALUES).isna().all():
+    if rows.get(name, NO_VALUES).isna().all():
         return ""
-    medians = _tabulate_interval(chosen, x, name)["median"]
+    medians = _tabulate_interval(rows, x, name)["median"]
     ends = dict.fromkeys([medians.index[0], medians.index[-1]])
     texts = [f"{quantity.say(medians[end])} {CELL_TEXTS[x].format(end)}" for end in ends]
     return f"{quantity.in_words.format(label)}: {', '.join(texts)}"
@@ -189,14 +189,14 @@ def replace_cells(
     Rows of `draws` replace the rows of `table` with the same kind of recordings, noise level and
     number of samples. table, draws: as of `draw_draws`. settings: case, protocol, method and kind.
     """
-    own = {name: settings[name] for name in ("case", "protocol", "method", "kind")}
-    chosen = parts.where(table, **own)
+    keys = {name: settings[name] for name in ("case", "protocol", "method", "kind")}
+    rows = parts.where(table, **keys)
     if draws is None:
-        return chosen
+        return rows
     more = parts.where(draws, kind=settings["kind"])
-    cells = [pd.MultiIndex.from_frame(t[["kind", "level", "points"]]) for t in (chosen, more)]
-    kept = chosen[~cells[0].isin(cells[1])]
-    return pd.concat([more, kept], ignore_index=True)
+    cells = [pd.MultiIndex.from_frame(t[["kind", "level", "points"]]) for t in (rows, more)]
+    kept_rows = rows[~cells[0].isin(cells[1])]
+    return pd.concat([more, kept_rows], ignore_index=True)
 
 
 def _tabulate_interval(table: pd.DataFrame, x: str, name: str) -> pd.DataFrame:
@@ -225,8 +225,8 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
             ORACLE_STYLE: "pysindy, ", MAIN_METHOD: "ours: ", BOUND: ""}  # fmt: skip
     present = set(errors["method"])
     names = {k: text + method_style(k).label for k, text in prefixes.items() if k in present}
-    shown = errors[errors["method"].isin(names)]
-    values = shown[["median", "low", "high"]].to_numpy(float).ravel()
+    shown_errors = errors[errors["method"].isin(names)]
+    values = shown_errors[["median", "low", "high"]].to_numpy(float).ravel()
     values = values[np.isfinite(values) & (values > 0)]
     # at most ten times 100 %, the error of a model without terms
     limits = (values.min() / 2, min(values.max() * 2, 1e3)) if values.size else DEFAULT_LIMITS
@@ -242,7 +242,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
         line = errors[errors["method"] == method]
         x = [places.position(level, shift[method]) for level in line["level"]]
         parts.series(axes, x, line[["median", "low", "high"]].to_numpy().T, method, limits)
-    _note_failures(axes, shown, places)
+    _note_failures(axes, shown_errors, places)
     title = [f"{spoken(case)}, {PROTOCOLS_BY_NAME[protocol].meaning}"]
     if levels := beaten_at(errors):
         title.append(f"pysindy with the best possible tuning is better than ours at {levels}")

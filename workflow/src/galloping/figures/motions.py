@@ -107,10 +107,10 @@ def draw_histories(
         spreads[label] = spread
     axes.set_xlabel("time, s")
     parts.legend(figure, columns=2)
-    known = {label: spread for label, spread in spreads.items() if np.isfinite(spread)}
-    if known:
-        ends = dict.fromkeys([next(iter(known)), next(reversed(known))])
-        texts = [f"{100 * known[label]:.0f} % with {label}" for label in ends]
+    finite_spreads = {label: spread for label, spread in spreads.items() if np.isfinite(spread)}
+    if finite_spreads:
+        ends = dict.fromkeys([next(iter(finite_spreads)), next(reversed(finite_spreads))])
+        texts = [f"{100 * finite_spreads[label]:.0f} % with {label}" for label in ends]
         figure.set_label(f"Reconstructions spread over a share of the motion: {', '.join(texts)}")
     return figure
 
@@ -201,9 +201,9 @@ def _draw_branches(
         x, y = branch["value"].to_numpy(float), branch[name].to_numpy(float)
         stable = branch["stable"].astype(bool).to_numpy()
         looks = ((stable, "-", "stable"), (~stable, (0, (3, 1.5)), "unstable"))
-        for kept, line, label in looks:
-            reached = kept | np.append(False, kept[:-1])  # up to the first point beyond a change
-            if kept.any():
+        for mask, line, label in looks:
+            reached = mask | np.append(False, mask[:-1])  # up to the first point beyond a change
+            if mask.any():
                 y_kept = np.where(reached, y, np.nan)
                 axes.plot(
                     x, y_kept, color=style.MODEL_COLOR, ls=line, lw=1.2, zorder=2, label=label
@@ -217,10 +217,10 @@ def _draw_branches(
     axes.plot(simulated["value"], simulated[name], ls="", marker="o", ms=3, mfc="white",
               mec=style.PAPER_COLOR, mew=0.8, zorder=3, label="long simulation")  # fmt: skip
     for kind, marker in MARKS.items():
-        at = bifurcations[bifurcations["name"] == kind]
-        if len(at):
-            axes.plot(at["value"], at[name], ls="", marker=marker, ms=5, mfc=style.BAND, mec="k",
-                      mew=0.7, zorder=4, label=kind)  # fmt: skip
+        points = bifurcations[bifurcations["name"] == kind]
+        if len(points):
+            axes.plot(points["value"], points[name], ls="", marker=marker, ms=5,
+                      mfc=style.BAND, mec="k", mew=0.7, zorder=4, label=kind)  # fmt: skip
 
 
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
@@ -246,22 +246,22 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         _set_title(axes, k, STATES[direction])
         amplitude = f"{AMPLITUDES[direction]}_m"
         grid = table.pivot(index="y", columns="x", values=amplitude)
-        shown = axes.pcolormesh(
+        mesh = axes.pcolormesh(
             grid.columns, grid.index, grid.to_numpy(), cmap="cividis", vmin=0,
             vmax=MAX_MAP_AMPLITUDE, shading="nearest", rasterized=True,
         )  # fmt: skip
-        figure.colorbar(shown, ax=axes, label="amplitude, m", pad=0.02, extend="max")
+        figure.colorbar(mesh, ax=axes, label="amplitude, m", pad=0.02, extend="max")
         resonance = axes.contour(ratio.columns, ratio.index, ratio.to_numpy(), levels=[2.0],
                                  colors="white", linewidths=1.4)  # fmt: skip
         resonance.set_path_effects(dark)
-        for marker, chosen, text in (
+        for marker, is_marked, text in (
             ("x", table["kind"] == "irregular", "does not repeat, or settles very slowly"),
             ("v", ~np.isfinite(table[amplitude]), "no bounded motion"),
         ):
-            at = table[chosen]
+            points = table[is_marked]
             axes.plot(
-                at["x"], at["y"], ls="", marker=marker, ms=4, mfc="white", mec=style.PAPER_COLOR,
-                label=text if len(at) else None,
+                points["x"], points["y"], ls="", marker=marker, ms=4, mfc="white",
+                mec=style.PAPER_COLOR, label=text if len(points) else None,
             )  # fmt: skip
         axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
         axes.locator_params(axis="x", nbins=5)
@@ -285,13 +285,13 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     """
     if table.empty:
         return parts.make_empty_figure("this study predicts no motion at other wind speeds")
-    own = {name: settings[name] for name in ("case", "protocol", "replicate")}
-    chosen = parts.where(table, **own).sort_values("wind_m_s")
+    cell = {name: settings[name] for name in ("case", "protocol", "replicate")}
+    rows = parts.where(table, **cell).sort_values("wind_m_s")
     methods = [method for method in (settings["method"], settings.get("peer")) if method]
     figure, panes = parts.panels(4.0, len(STATES), width=style.SINGLE_COLUMN, sharex=True)
     for k, (axes, direction) in enumerate(zip(panes[:, 0], STATES, strict=True)):
         _set_title(axes, k, STATES[direction])
-        lines = {m: parts.where(chosen, method=m, direction=direction) for m in methods}
+        lines = {m: parts.where(rows, method=m, direction=direction) for m in methods}
         _draw_predictions(axes, lines)
         axes.axvline(settings["recorded"], color=style.TRUE_COLOR, lw=0.8, ls=":",
                      label="wind of the recording")  # fmt: skip
@@ -299,10 +299,14 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     axes.set_xlabel("wind speed, m/s")
     parts.legend(figure, columns=2)
     every = {name: settings[name] for name in ("case", "protocol", "method")}
-    asked = parts.where(table, **every).dropna(subset="true_m")
-    ours = asked.dropna(subset="predicted_m")
+    predictions = parts.where(table, **every).dropna(subset="true_m")
+    ours = predictions.dropna(subset="predicted_m")
     if len(ours):
-        some = f"{len(ours)} of {len(asked)} predictions of " if len(ours) < len(asked) else ""
+        some = (
+            f"{len(ours)} of {len(predictions)} predictions of "
+            if len(ours) < len(predictions)
+            else ""
+        )
         error = 100 * (ours["predicted_m"] / ours["true_m"] - 1).abs().max()
         least, most = ours["wind_m_s"].min(), ours["wind_m_s"].max()
         figure.set_label(
@@ -323,12 +327,12 @@ def _draw_predictions(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
                 label="95 % interval")  # fmt: skip
     for method, line in lines.items():
         look, doubt = parts.line_look(method) | {"lw": 1.0}, _describe_doubt(line)
-        own = style.method_style(method)
-        axes.plot(line["wind_m_s"], line["predicted_m"], marker=own.marker,
-                  label=own.label + doubt, **look)  # fmt: skip
+        method_look = style.method_style(method)
+        axes.plot(line["wind_m_s"], line["predicted_m"], marker=method_look.marker,
+                  label=method_look.label + doubt, **look)  # fmt: skip
         rest = line[line["predicted_m"].isna()]
         label = "no model" if "refused" in set(rest["status"]) else "no stable limit cycle"
-        axes.plot(rest["wind_m_s"], np.zeros(len(rest)), ls="", marker="x", color=own.color,
+        axes.plot(rest["wind_m_s"], np.zeros(len(rest)), ls="", marker="x", color=method_look.color,
                   ms=6, label=label if len(rest) else None)  # fmt: skip
 
 

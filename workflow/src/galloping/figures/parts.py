@@ -224,14 +224,14 @@ def points(
     """Draw markers at points; a point outside the limits becomes an open triangle at the limit."""
     across, up = np.asarray(x, float), np.asarray(y, float)
     look: dict[str, Any] = {"ls": "", "mec": color, "mew": 0.7, "ms": size, "zorder": 5}
-    for chosen, own, face, label in (
+    for is_chosen, symbol, face, label in (
         ((up >= limits[0]) & (up <= limits[1]), marker, color, None),
         (up < limits[0], "v", "white", BEYOND_AXIS),
         (up > limits[1], "^", "white", BEYOND_AXIS),
     ):
-        if chosen.any():
-            clipped = np.clip(up[chosen], *limits)
-            axes.plot(across[chosen], clipped, marker=own, mfc=face, label=label, **look)
+        if is_chosen.any():
+            clipped = np.clip(up[is_chosen], *limits)
+            axes.plot(across[is_chosen], clipped, marker=symbol, mfc=face, label=label, **look)
 
 
 def band(
@@ -334,13 +334,13 @@ def legend(
 
     Each label appears once.
     """
-    named: dict[str, Any] = {str(entry.get_label()): entry for entry in keys}
+    entries: dict[str, Any] = {str(entry.get_label()): entry for entry in keys}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            named.setdefault(label, handle)
-    if named.pop(BEYOND_AXIS, None):
-        named[BEYOND_AXIS] = key(BEYOND_AXIS, marker="v", mfc="white", mec="k", mew=0.7)
+            entries.setdefault(label, handle)
+    if entries.pop(BEYOND_AXIS, None):
+        entries[BEYOND_AXIS] = key(BEYOND_AXIS, marker="v", mfc="white", mec="k", mew=0.7)
     look: dict[str, Any] = {"loc": loc, "columnspacing": 1.4, "handlelength": 2.4} | options
-    if named:
-        handles: list[Any] = list(named.values())
-        figure.legend(handles, list(named), ncols=columns, **look)
+    if entries:
+        handles: list[Any] = list(entries.values())
+        figure.legend(handles, list(entries), ncols=columns, **look)

@@ -59,10 +59,10 @@ def draw_trust(table: pd.DataFrame) -> Figure:
         places, shares = np.arange(len(STATUSES)), 100.0 / len(fits) * of_status.astype(float)
         axes.barh(places, shares["all"], height=0.6, **WHOLE_STYLE)
         axes.barh(places, shares["right"], height=0.6, color=MODEL_COLOR)
-        for place, row in zip(places.tolist(), of_status.itertuples(), strict=True):
+        for y, row in zip(places.tolist(), of_status.itertuples(), strict=True):
             text = f"{row.right:d} of {row.all}" if row.all else "none"
             end = 100.0 / len(fits) * row.all + 1.5
-            axes.text(end, place, text, va="center", size="small")
+            axes.text(end, y, text, va="center", size="small")
         parts.rows(axes, STATUSES, lines=False)
         axes.set(xlim=(0, 118), xticks=[0, 25, 50, 75, 100])
     for axes in grid[-2:]:
@@ -133,8 +133,8 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     table = table[table["method"] == MAIN_METHOD]
     if table.empty:
         return parts.make_empty_figure(MISSING_METHOD)
-    found = "share_with_term"
-    shares = [found, f"{found}_low", f"{found}_high", f"{found}_published", "coverage"]
+    column = "share_with_term"
+    shares = [column, f"{column}_low", f"{column}_high", f"{column}_published", "coverage"]
     table = table.assign(gamma=table["case"].map(GAMMAS), **100.0 * table[shares])
     figure, ((left, right),) = parts.panels(2.6, 1, 2, sharex=True)
     parts.letter(left, 0, "term found")
@@ -143,11 +143,11 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     open_circle: dict[str, Any] = {"ls": "", "marker": "o", "ms": 9, "mfc": "none"}
     for k, (samples, group) in enumerate(by_samples):
         color, marker = SERIES[k % len(SERIES)]
-        gamma, power = group["gamma"] + 0.0012 * (k - 1.5), group[found]  # side by side
-        spread = [power - group[f"{found}_low"], group[f"{found}_high"] - power]
+        gamma, power = group["gamma"] + 0.0012 * (k - 1.5), group[column]  # side by side
+        spread = [power - group[f"{column}_low"], group[f"{column}_high"] - power]
         look = {"color": color, "marker": marker, "lw": 0.8}
         left.errorbar(gamma, power, np.maximum(spread, 0.0), **look)
-        left.plot(gamma, group[f"{found}_published"], mec=color, **open_circle)
+        left.plot(gamma, group[f"{column}_published"], mec=color, **open_circle)
         right.plot(gamma, group["coverage"], label=f"{samples:,} samples", **look)
     left.axhline(5.0, **NOMINAL_STYLE)
     right.axhline(95.0, **NOMINAL_STYLE, label="nominal")
@@ -190,12 +190,12 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
             median, worst = row[f"{quantity}_error_percent"], row[f"{quantity}_worst_percent"]
             if np.isfinite(median) or np.isposinf(median):
                 style, size = method_style(row["method"]), parts.line_look(row["method"])
-                at = (
+                interval = (
                     max(median, ERROR_LIMITS[0]),
                     median,
                     worst,
                 )  # smaller errors are drawn at the edge
-                parts.dot(axes, row["place"], at, ERROR_LIMITS, style.color, style.marker,
+                parts.dot(axes, row["place"], interval, ERROR_LIMITS, style.color, style.marker,
                           size["markersize"])  # fmt: skip
     parts.letter(answers, len(panels), "answered; terms")
     answers.set(xlim=(0, len(methods)), xticks=[])
