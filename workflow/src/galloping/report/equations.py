@@ -20,26 +20,26 @@ def side_by_side(table: pd.DataFrame, labels: Mapping[str, str]) -> dict[str, di
     true = table[table["true"].fillna(0) != 0]
     if true.empty:
         return None
-    found = {}
+    equations = {}
     for equation, of_equation in table.groupby("equation", sort=False):
         fits = dict(list(of_equation.groupby(FIT_COLUMNS, sort=False)))
         heads = [_format_head(method, level, labels) for _, method, level in fits]
         if len(set(heads)) < len(heads):
             heads = [f"{head}, {fit[0]}" for head, fit in zip(heads, fits, strict=True)]
-        own = true[true["equation"] == equation].drop_duplicates("term")
-        found[equation] = {
+        true_terms = true[true["equation"] == equation].drop_duplicates("term")
+        equations[equation] = {
             "heads": heads,
             "rows": [
                 [as_symbols(row["term"]), f"{row['true']:.4g}".replace("-", "\N{MINUS SIGN}")]
                 + [_format_coefficient(rows[rows["term"] == row["term"]]) for rows in fits.values()]
-                for row in own.to_dict("records")
+                for row in true_terms.to_dict("records")
             ],
             "false_terms": [
                 int(((rows["true"] == 0) & rows["identified"].notna()).sum())
                 for rows in fits.values()
             ],
         }
-    return found
+    return equations
 
 
 def _format_head(method: str, level: float, labels: Mapping[str, str]) -> str:

@@ -137,11 +137,11 @@ def describe_counts(paper: pd.DataFrame) -> str:
     single = paper[paper["role"] == "counted"]
     judged = single[single["verdict"] != "not judged"]
     lacks = judged["verdict"].eq("not run").groupby([judged["case"], judged["statement"]]).any()
-    held, may_hold = (
+    holds, may_hold = (
         judged["verdict"].isin(verdicts).groupby([judged["case"], judged["statement"]]).all()
         for verdicts in (HELD_VERDICTS, (*HELD_VERDICTS, UNDECIDED))
     )
-    statements, may_hold = held[~lacks], may_hold[~lacks]
+    statements, may_hold = holds[~lacks], may_hold[~lacks]
     text = "No statement of the paper is judged."
     if len(statements):
         text = f"{statements.sum()} of {len(statements)} statements of the paper are reproduced."
@@ -150,12 +150,12 @@ def describe_counts(paper: pd.DataFrame) -> str:
         text += f" {lacks.sum()} {further}statements need recordings that this study does not have."
     first = next(iter(paper["case"]), "")
     for what, which in (("Not reproduced", ~may_hold), ("Undecided", may_hold & ~statements)):
-        named = [
+        claims = [
             statement if case == first else f"{statement} ({case.replace('_', '-')} line)"
             for case, statement in statements.index[which]
         ]
-        if named:
-            text += f" {what}: {', '.join(named)}."
+        if claims:
+            text += f" {what}: {', '.join(claims)}."
     beyond = int((paper["role"] == "beyond").sum())
     if beyond:
         text += f" {beyond} further sentences cannot be checked."
@@ -174,14 +174,14 @@ def build_table(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
     statement are in one row.
     """
     first = next(iter(paper["case"]), "")
-    found: dict[str, list[PaperCell]] = {}
+    cells: dict[str, list[PaperCell]] = {}
     for row in paper[paper["role"].isin(("counted", "joint"))].to_dict("records"):
         state = STATES.get(row["direction"])
         claim = row["claim"].replace(f" of {state}", "") if state else row["claim"]
         if row["case"] != first:
             claim += f" ({row['case'].replace('_', '-')})"
-        found.setdefault(claim, []).append(_as_cell(row))
-    return found
+        cells.setdefault(claim, []).append(_as_cell(row))
+    return cells
 
 
 def merge_directions(cells: list[PaperCell]) -> PaperCell:
@@ -208,10 +208,10 @@ def by_settings(varied: pd.DataFrame) -> str:
     if varied.empty:
         return ""
     varied = varied[varied["verdict"] != "not run"]
-    held = varied.groupby(["parameter", "value", "unit", "is_default"], sort=False)["is_reproduced"]
-    held = held.agg(["sum", "size"]).reset_index()
-    own = held[held["is_default"]]
-    others = held[~held["is_default"]]
+    runs = varied.groupby(["parameter", "value", "unit", "is_default"], sort=False)["is_reproduced"]
+    runs = runs.agg(["sum", "size"]).reset_index()
+    default = runs[runs["is_default"]]
+    others = runs[~runs["is_default"]]
     if others.empty:
         return ""
     worst = others.loc[others.groupby("parameter", sort=False)["sum"].idxmin()]
@@ -220,10 +220,12 @@ def by_settings(varied: pd.DataFrame) -> str:
         + (f" {row['unit']}" if row["unit"] != "1" else "")
         for row in worst.sort_values("sum").to_dict("records")
     )
-    of = f"{own['sum'].iloc[0]} are reproduced at the study's settings; " if len(own) else ""
+    base = (
+        f"{default['sum'].iloc[0]} are reproduced at the study's settings; " if len(default) else ""
+    )
     return (
         f"The paper leaves some settings open. Of {others['size'].iloc[0]} claims about the "
-        f"{varied['case'].iloc[0].replace('_', '-')} line that were run, {of}with one setting "
+        f"{varied['case'].iloc[0].replace('_', '-')} line that were run, {base}with one setting "
         f"changed, the fewest are {examples}."
     )
 

@@ -29,14 +29,14 @@ def on_methods(
     protocol: that of its sensors. noise_unit: of the noise levels of these. labels: of methods. A
     sentence whose rows are missing is left out.
     """
-    about = {"case": case, "protocol": protocol, "noise_unit": noise_unit}
+    cell = {"case": case, "protocol": protocol, "noise_unit": noise_unit}
     sentences: list[str] = []
     if {"efficiency", "peers"} <= set(tables):
         efficiency = tables["efficiency"]
-        sentences.append(_describe_accuracy(efficiency, tables["peers"], labels, **about))
-        sentences.append(_describe_data(efficiency, **about))
+        sentences.append(_describe_accuracy(efficiency, tables["peers"], labels, **cell))
+        sentences.append(_describe_data(efficiency, **cell))
     if "noise_r2" in tables:
-        sentences.append(_describe_reconstruction(tables["noise_r2"], **about))
+        sentences.append(_describe_reconstruction(tables["noise_r2"], **cell))
     if "identifiability" in tables:
         table = tables["identifiability"]
         sentences.append(_describe_identifiability(table, protocol, noise_unit))
@@ -67,9 +67,9 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
 
     trust: trust.csv.
     """
-    own = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
+    groups = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
     sentences = []
-    for group, rows in own.groupby("group", sort=False):
+    for group, rows in groups.groupby("group", sort=False):
         fits, sure, wrong = (int(rows[name].sum()) for name in ("fits", "ok", "ok_and_wrong"))
         refused = int(rows["refused"].sum())
         sentences.append(
@@ -117,9 +117,9 @@ def _describe_accuracy(
     if rows.empty:
         return ""
     row = rows.iloc[0]
-    at = (peers["case"] == case) & (peers["protocol"] == protocol)
-    at &= (peers["level"] == row["level"]) & (peers["setting"] == CHOSEN_SETTING)
-    medians = peers[at].set_index("method")["mean_error_percent"].dropna()
+    is_cell = (peers["case"] == case) & (peers["protocol"] == protocol)
+    is_cell &= (peers["level"] == row["level"]) & (peers["setting"] == CHOSEN_SETTING)
+    medians = peers[is_cell].set_index("method")["mean_error_percent"].dropna()
     if MAIN_METHOD not in medians:  # a continuous line has no true coefficients
         return ""
     text = (
@@ -189,17 +189,19 @@ def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_u
     worst = rows.groupby(["method", "level"])["r2_median"].min().unstack("level")
     if MAIN_METHOD not in worst.index:
         return ""
-    own = worst.loc[MAIN_METHOD]
-    own = own[np.isfinite(own).cummin()]  # levels below the first at which most fits have no model
-    if own.empty:
+    medians = worst.loc[MAIN_METHOD]
+    medians = medians[
+        np.isfinite(medians).cummin()
+    ]  # levels below the first at which most fits have no model
+    if medians.empty:
         return ""
     text = (
         f"Reconstructions by maximum likelihood have a median R² of at least "
-        f"{_round_down(own.min())} in both directions up to "
-        f"{_describe_noise(own.index.max(), noise_unit)}"
+        f"{_round_down(medians.min())} in both directions up to "
+        f"{_describe_noise(medians.index.max(), noise_unit)}"
     )
     if PAPER_METHOD in worst.index:
-        paper = _round_down(worst.loc[PAPER_METHOD, own.index].min())
+        paper = _round_down(worst.loc[PAPER_METHOD, medians.index].min())
         text += f", against {paper} by the paper's method from the same sensors"
     return f"{text}."
 
