@@ -64,14 +64,14 @@ def load_files(configfiles: Iterable[str | Path]) -> Settings:
     return load(clean_merged(reduce(_override_sections, files), files))
 
 
-def _override_sections(mapping: dict, over: dict) -> dict:
+def _override_sections(mapping: dict, overrides: dict) -> dict:
     """Merge sections and replace all else, as Snakemake does."""
     both = {
         key: _override_sections(section, value)
-        for key, value in over.items()
+        for key, value in overrides.items()
         if isinstance(section := mapping.get(key), dict) and isinstance(value, dict)
     }
-    return mapping | over | both
+    return mapping | overrides | both
 
 
 def clean_merged(mapping: dict, files: Sequence[dict]) -> dict:

@@ -56,7 +56,7 @@ def code(*roots: str | Path) -> dict:
 
 def _import_closure(roots: tuple[str | Path, ...]) -> set[Path]:
     """Collect the files of the package that `roots` import, and those of `roots`."""
-    seen: set[Path] = set()
+    files: set[Path] = set()
     waiting: list[Path] = []
     for root in map(str, roots):
         module = root.partition(":")[0]
@@ -68,10 +68,10 @@ def _import_closure(roots: tuple[str | Path, ...]) -> set[Path]:
             raise ValueError(f"{module}: no such module")
     while waiting:
         path = waiting.pop()
-        if path not in seen:
-            seen.add(path)
+        if path not in files:
+            files.add(path)
             waiting += _parse_module(path).modules
-    return seen
+    return files
 
 
 @dataclass(frozen=True)

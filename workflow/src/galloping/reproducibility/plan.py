@@ -59,11 +59,11 @@ class PlannedJob:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
-    def has_made(self, receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
+    def has_made(self, receipt: Receipt, receipts: Mapping[str, Receipt]) -> bool:
         """Decide whether this job, as planned, made a file from the present inputs."""
         planned = self.rule, self.settings, set(self.inputs)
         is_planned = (receipt.rule, receipt.settings, receipt.inputs.keys()) == planned
-        return is_planned and is_consistent(receipt, known)
+        return is_planned and is_consistent(receipt, receipts)
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,11 @@ class Plan:
         return {path: job for job in self.jobs for path in job.outputs}
 
 
-def find_current(plan: Plan, known: dict[str, Receipt]) -> set[str]:
+def find_current(plan: Plan, receipts: dict[str, Receipt]) -> set[str]:
     """Find files that were made with the inputs and settings of the jobs that are planned now.
 
     They are the outputs of complete jobs whose receipts, and those of all jobs before them, agree
-    with the plan. known: receipts by path. A file that was left elsewhere on purpose counts as
+    with the plan. receipts: by path. A file that was left elsewhere on purpose counts as
     present.
     """
     maker = plan.maker
@@ -101,11 +101,15 @@ def find_current(plan: Plan, known: dict[str, Receipt]) -> set[str]:
     def is_sound(output: str) -> bool:  # a job, by its first output
         job = maker[output]
         before = {maker[path].outputs[0] for path in job.inputs if path in maker}
-        made = [known[path] for path in job.outputs if path in known]
-        return all(map(is_sound, before)) and all(job.has_made(each, known) for each in made)
+        job_receipts = [receipts[path] for path in job.outputs if path in receipts]
+        return all(map(is_sound, before)) and all(
+            job.has_made(each, receipts) for each in job_receipts
+        )
 
     def is_complete(job: PlannedJob) -> bool:
-        return all(p in known and (Path(p).exists() or not known[p].kept) for p in job.outputs)
+        return all(
+            p in receipts and (Path(p).exists() or not receipts[p].kept) for p in job.outputs
+        )
 
     sound = (job for job in plan.jobs if is_sound(job.outputs[0]) and is_complete(job))
     return {path for job in sound for path in job.outputs}
@@ -177,24 +181,24 @@ def _with_dag(
                      "and repair the study")  # fmt: skip
 
 
-def describe_run(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
+def describe_run(plan: Plan, receipts: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
     """Yield lines of text that announce a run: number of jobs, expected duration, and changes.
 
-    The changes are edits of settings and changed code. known: receipts by path. cores: that jobs
+    The changes are edits of settings and changed code. receipts: by path. cores: that jobs
     share, None for a cluster.
     """
-    kept = {path for path in find_current(plan, dict(known)) if Path(path).exists()}
-    kept |= {path for path, receipt in known.items() if not receipt.kept}
-    jobs = [job for job in plan.jobs if not kept.issuperset(job.outputs)]
+    current = {path for path in find_current(plan, dict(receipts)) if Path(path).exists()}
+    current |= {path for path, receipt in receipts.items() if not receipt.kept}
+    jobs = [job for job in plan.jobs if not current.issuperset(job.outputs)]
     if not jobs:
         return
-    duration = _expected_duration(plan, jobs, known, cores)
+    duration = _expected_duration(plan, jobs, receipts, cores)
     yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {duration}"
-    report = known.get(f"{plan.results}/report.html")  # has the settings of the last whole run
+    report = receipts.get(f"{plan.results}/report.html")  # has the settings of the last whole run
     before = report.settings.get("study", {}).get("study") if report else None
     if edits := list(_describe_edits(before or plan.settings, plan.settings)):
         yield f"Edited since they last ran: {list_first(edits, MAX_LISTED)}."
-    runs = ((job, known[path]) for job in jobs for path in job.outputs if path in known)
+    runs = ((job, receipts[path]) for job in jobs for path in job.outputs if path in receipts)
     codes = {job.rule for job, old in runs if old.settings.get("code") != job.settings.get("code")}
     if codes:
         yield f"Code or libraries changed behind: {list_first(sorted(codes), MAX_LISTED)}."
@@ -209,13 +213,13 @@ def duration_in_words(seconds: float) -> str:
 
 
 def _expected_duration(
-    plan: Plan, jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int | None
+    plan: Plan, jobs: list[PlannedJob], receipts: Mapping[str, Receipt], cores: int | None
 ) -> str:
     """Estimate the duration from earlier ones of the same jobs or rule, or the reference."""
     of_rule: dict[str, list[float]] = {}
-    for receipt in known.values():
+    for receipt in receipts.values():
         of_rule.setdefault(receipt.rule, []).append(receipt.seconds)
-    earlier = [[known[path].seconds for path in job.outputs if path in known] for job in jobs]
+    earlier = [[receipts[path].seconds for path in job.outputs if path in receipts] for job in jobs]
     times = [
         JOB_START + fmean(seconds or of_rule[job.rule])
         for job, seconds in zip(jobs, earlier, strict=True)

@@ -64,16 +64,16 @@ def as_written(settings: Mapping) -> dict:
     return json.loads(json.dumps({k: v for k, v in settings.items() if k != CAPTION}))
 
 
-def is_consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
+def is_consistent(receipt: Receipt, receipts: Mapping[str, Receipt]) -> bool:
     """Decide whether a file was made from the present versions of its inputs, by their SHA-256.
 
     The present digest of an input is that of its receipt, else that of its contents. An input
     without both is ignored.
     """
     return all(
-        made == (known[path].sha256 if path in known else digest(path))
+        made == (receipts[path].sha256 if path in receipts else digest(path))
         for path, made in receipt.inputs.items()
-        if path in known or Path(path).exists()
+        if path in receipts or Path(path).exists()
     )
 
 
@@ -142,24 +142,28 @@ class Deviations:
     present: dict[str, list]
 
 
-def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = False) -> Deviations:
+def inspect(results: str, receipts: Mapping[str, Receipt], *, thorough: bool = False) -> Deviations:
     """Find result files that are missing, damaged or unrecorded, by comparison with their records.
 
-    A receipt is the record of how a file was made. known: receipts by path. thorough: read every
+    A receipt is the record of how a file was made. receipts: by path. thorough: read every
     file, also those with size and times of the last reading.
     """
-    states = {path: state for path in known if (state := _file_state(path))}
-    seen = _read_seen().get(results, {})
-    read = [p for p, state in states.items() if thorough or seen.get(p, [None])[:-1] != state]
+    states = {path: state for path in receipts if (state := _file_state(path))}
+    seen_states = _read_seen().get(results, {})
+    paths = [
+        p for p, state in states.items() if thorough or seen_states.get(p, [None])[:-1] != state
+    ]
     with ThreadPoolExecutor() as pool:
-        digests = dict(zip(read, pool.map(digest, read), strict=True))
-    present = {p: [*state, digests.get(p) or seen[p][-1]] for p, state in states.items()}
-    lost = [path for path in seen if path not in known and not Path(path).exists()]
+        digests = dict(zip(paths, pool.map(digest, paths), strict=True))
+    present = {p: [*state, digests.get(p) or seen_states[p][-1]] for p, state in states.items()}
+    lost = [path for path in seen_states if path not in receipts and not Path(path).exists()]
     return Deviations(
-        missing=(*(p for p, of in known.items() if of.kept and p not in present), *lost),
-        damaged=tuple(p for p in present if present[p][-1] != known[p].sha256),
-        unrecorded=tuple(path for path in seen if path not in known and Path(path).exists()),
-        unseen=tuple(p for p in present if p not in seen),
+        missing=(*(p for p, of in receipts.items() if of.kept and p not in present), *lost),
+        damaged=tuple(p for p in present if present[p][-1] != receipts[p].sha256),
+        unrecorded=tuple(
+            path for path in seen_states if path not in receipts and Path(path).exists()
+        ),
+        unseen=tuple(p for p in present if p not in seen_states),
         present=present,
     )
 
@@ -169,9 +173,9 @@ def remember(results: str, findings: Deviations) -> None:
 
     Missing files stay remembered: those without a receipt would not be missed otherwise.
     """
-    seen = _read_seen()
-    lost = {p: of for p, of in seen.get(results, {}).items() if p in findings.missing}
-    if (now := seen | {results: lost | findings.present}) != seen:
+    studies = _read_seen()
+    lost = {p: of for p, of in studies.get(results, {}).items() if p in findings.missing}
+    if (now := studies | {results: lost | findings.present}) != studies:
         with suppress(OSError):  # a loss of time only; other writers report a full disk
             write_json(DIGEST_FILE, now)
 

@@ -30,18 +30,18 @@ class Audit:
 
 def audit(plan: Plan) -> Audit:
     """Read each result file, and classify it by its receipt, settings and inputs."""
-    known, maker = read_receipts(plan.results), plan.maker
-    planned = {path: receipt for path, receipt in known.items() if path in maker}
+    receipts, maker = read_receipts(plan.results), plan.maker
+    planned = {path: receipt for path, receipt in receipts.items() if path in maker}
     findings = inspect(plan.results, planned, thorough=True)
 
     def state(path: str) -> str:
-        if path not in known:
+        if path not in receipts:
             return "unknown" if Path(path).exists() else "missing"
         if path in findings.missing:
             return "missing"
         if path in findings.damaged:
             return "damaged"
-        if not maker[path].has_made(known[path], known):
+        if not maker[path].has_made(receipts[path], receipts):
             return "outdated"
         return "sound" if Path(path).exists() else "elsewhere"
 
@@ -50,7 +50,7 @@ def audit(plan: Plan) -> Audit:
         states.setdefault(state(path), []).append(path)
     return Audit(
         **{name: tuple(paths) for name, paths in states.items()},
-        left_over=tuple(receipt for path, receipt in known.items() if path not in maker),
+        left_over=tuple(receipt for path, receipt in receipts.items() if path not in maker),
     )
 
 
@@ -78,17 +78,17 @@ def adopt(plan: Plan) -> Iterator[str]:
     receipt, and those of all files before it, name the settings, code and inputs of the plan. Other
     files are set aside, to be made again. The caller ensures that files agree with their receipts.
     """
-    known = read_receipts(plan.results)
+    receipts = read_receipts(plan.results)
     maker = plan.maker
-    kept = {path for path in find_current(plan, known) if Path(path).exists()}
-    others = [p for p in sorted({*maker, *known} - kept) if Path(p).exists()]
+    current = {path for path in find_current(plan, receipts) if Path(path).exists()}
+    others = [p for p in sorted({*maker, *receipts} - current) if Path(p).exists()]
     for path in others:
         set_aside(plan.results, path)
-    for path in known.keys() - maker.keys():
+    for path in receipts.keys() - maker.keys():
         receipt_path(path).unlink()  # else the file would count as missing
     record(plan)
-    if kept:
-        yield f"{len(kept)} files are as their receipts say and made as configured now: kept"
+    if current:
+        yield f"{len(current)} files are as their receipts say and made as configured now: kept"
     if others:
         yield (
             f"{len(others)} files were made otherwise than configured now: set aside in "
