@@ -123,15 +123,17 @@ def trial(
         (true, _), bound = compute_decays(motion.system, ()), motion.compute_bound()
         for method, settings in methods.items():
             name = ("ambient", case, str(replicate))
-            found, answer = identify_once({method: settings}, [motion.recording], TERMS, name)
+            identified, answer = identify_once({method: settings}, [motion.recording], TERMS, name)
             row = start_row(case, "displacements", replicate, seed, answer)
-            if found.is_forced:
-                places = np.argwhere(found.support)
-                exponents: np.ndarray = np.array(found.model.terms)[places[:, 1]]
-                moved = list(zip(places[:, 0], map(np.flatnonzero, exponents), strict=True))
-                estimated, slopes = compute_decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
-                errors = np.sqrt(np.einsum("mi,ij,mj->m", slopes, found.covariance, slopes))
-                duration, is_covered = float(found.diagnostics["duration"]), []
+            if identified.is_forced:
+                places = np.argwhere(identified.support)
+                exponents: np.ndarray = np.array(identified.model.terms)[places[:, 1]]
+                entries = list(zip(places[:, 0], map(np.flatnonzero, exponents), strict=True))
+                estimated, slopes = compute_decays(
+                    identified.model.jacobian(np.zeros((1, 4)))[0], entries
+                )
+                errors = np.sqrt(np.einsum("mi,ij,mj->m", slopes, identified.covariance, slopes))
+                duration, is_covered = float(identified.diagnostics["duration"]), []
                 row["terms"] = len(places)
                 for k, direction in enumerate("vw"):
                     low, high = decay_interval(-estimated[k].real, errors[k], duration)
@@ -153,6 +155,9 @@ def compute_decays(
     coefficients of the system. places: equation and state of each coefficient, none for a constant.
     """
     modes = Modes.of(system)
-    left, own = np.linalg.inv(modes.shapes), modes.oscillating
-    slopes = [[-(left[m, i] * modes.shapes[j, m].sum()).real for i, j in places] for m in own]
-    return modes.values[own], np.array(slopes)
+    left_modes, oscillating = np.linalg.inv(modes.shapes), modes.oscillating
+    slopes = [
+        [-(left_modes[m, i] * modes.shapes[j, m].sum()).real for i, j in places]
+        for m in oscillating
+    ]
+    return modes.values[oscillating], np.array(slopes)

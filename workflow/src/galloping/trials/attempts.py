@@ -67,10 +67,10 @@ def deviations_at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
     noises = noises_of([motion], columns["protocol"], columns["level"], True)
     equations = sorted(set(range(len(true.states))) - set(velocity_pairs(true.states)))
     try:
-        (found,) = bounds_of(true, equations, [motion], noises, [[slice(None)]])
+        (bounds,) = bounds_of(true, equations, [motion], noises, [[slice(None)]])
     except ValueError:
         return np.full(true.coefficients.shape, np.nan)
-    return on_library(true, found)
+    return on_library(true, bounds)
 
 
 def _as_motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Motion:
@@ -144,26 +144,27 @@ def counted_cost(recordings: Sequence[Recording]) -> Iterator[dict[str, float]]:
     cost |= {"work": work.spent, "seconds": process_time() - start}
 
 
-def describe_answer(found: IdentifiedModel) -> dict[str, object]:
+def describe_answer(identified: IdentifiedModel) -> dict[str, object]:
     """Describe an identified model by columns of a table, such as status and coefficients.
 
     Further columns: findings, their codes; path. coefficients: see `coefficients_as_text`.
     """
     return {
-        "status": found.status, "findings": found.codes,
-        "path": found.diagnostics.get("path", ""), "coefficients": coefficients_as_text(found),
+        "status": identified.status, "findings": identified.codes,
+        "path": identified.diagnostics.get("path", ""),
+        "coefficients": coefficients_as_text(identified),
     }  # fmt: skip
 
 
-def coefficients_as_text(found: IdentifiedModel) -> str:
+def coefficients_as_text(identified: IdentifiedModel) -> str:
     """Format the coefficients and standard errors of a model as JSON, by equation and term.
 
     An error that is not stated is null. A refused model has no equations.
     """
-    model = found.model
+    model = identified.model
     equations: dict[str, dict[str, list[float | None]]] = {}
-    for i, j in np.argwhere(found.support):
-        value, error = model.coefficients[i, j], found.standard_errors[i, j]
+    for i, j in np.argwhere(identified.support):
+        value, error = model.coefficients[i, j], identified.standard_errors[i, j]
         stated = float(f"{error:.4g}") if np.isfinite(error) else None
         term = {model.term_names[j]: [float(f"{value:.9g}"), stated]}
         equations.setdefault(model.states[i], {}).update(term)
@@ -207,7 +208,7 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
     conditional, errors = result.standard_errors, result.unconditional_errors
     distance = np.abs(result.model.coefficients - true.coefficients)
     is_large, both = np.abs(true.coefficients) > result.detection_limits, terms & present
-    counted = {
+    groups = {
         "spurious_terms": present & ~terms,
         "missing_above_limit": terms & ~present & is_large,
         "beyond_4_standard_errors": present & (distance > MAX_COEFFICIENT_DISTANCE * errors),
@@ -218,7 +219,7 @@ def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, o
         "covered_given_terms": both & (distance <= NORMAL_95 * conditional),
         "covered_unconditional": terms & (distance <= NORMAL_95 * errors),
     }
-    counts = {name: int(np.sum(which & is_model)) for name, which in counted.items()}
+    counts = {name: int(np.sum(which & is_model)) for name, which in groups.items()}
     faults = ("spurious_terms", "missing_above_limit", "beyond_4_standard_errors")
     wrong = any(counts[name] for name in faults)
     ratios = (errors / conditional)[present & is_model]

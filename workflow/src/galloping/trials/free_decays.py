@@ -106,41 +106,41 @@ def trial(
         decay = FreeDecay.draw(make_generator(seed, "free_decays", case, replicate))
         for method, settings in methods.items():
             name = ("free_decays", case, str(replicate))
-            found, answer = identify_once({method: settings}, [decay.recording], TERMS, name)
+            identified, answer = identify_once({method: settings}, [decay.recording], TERMS, name)
             row = start_row(case, decay.sensor, replicate, seed, answer)
-            yield row | (_judge_decay(decay, found) if found.status != "refused" else {})
+            yield row | (_judge_decay(decay, identified) if identified.status != "refused" else {})
 
 
-def _judge_decay(decay: FreeDecay, found: IdentifiedModel) -> dict[str, float]:
+def _judge_decay(decay: FreeDecay, identified: IdentifiedModel) -> dict[str, float]:
     first, second = decay.poles
-    pole, errors = estimate_pole(found)
+    pole, errors = estimate_pole(identified)
     row = {
-        "terms": int(found.support.sum()),
+        "terms": int(identified.support.sum()),
         **_pole_errors("v", pole, first),
         "damping_v_bound_percent": -100.0 * decay.bound[0] / first.real,
     }
     if np.all(errors > 0.0):
         off = np.abs([pole.real - first.real, pole.imag - first.imag])
         row["coverage"] = float(np.mean(off <= NORMAL_95 * errors))
-    further = {complex(mode.growth, mode.frequency) for mode in found.further_modes}
+    further = {complex(mode.growth, mode.frequency) for mode in identified.further_modes}
     if further:
         row |= _pole_errors("w", min(further, key=lambda each: abs(each - second)), second)
     return row
 
 
-def estimate_pole(found: IdentifiedModel) -> tuple[complex, np.ndarray]:
+def estimate_pole(identified: IdentifiedModel) -> tuple[complex, np.ndarray]:
     """Compute growth rate and frequency of a model's small motions, with standard errors.
 
     The model has one coordinate. Returns growth, 1/s, and frequency, rad/s, of small motions as
     real and imaginary part; and their standard errors, (2,), by those of the linear coefficients.
     """
-    stiffness, damping = found.model.jacobian(np.zeros((1, 2)))[0][1]
+    stiffness, damping = identified.model.jacobian(np.zeros((1, 2)))[0][1]
     growth = damping / 2.0
     omega = np.sqrt(max(-stiffness - growth**2, np.finfo(float).tiny))
     slope = {(1, 0): (0.0, -0.5 / omega), (0, 1): (0.5, -0.5 * growth / omega)}
-    terms = [found.model.terms[j] for _, j in np.argwhere(found.support)]
+    terms = [identified.model.terms[j] for _, j in np.argwhere(identified.support)]
     slopes = np.array([slope.get(term, (0.0, 0.0)) for term in terms])
-    return complex(growth, omega), np.sqrt(np.diag(slopes.T @ found.covariance @ slopes))
+    return complex(growth, omega), np.sqrt(np.diag(slopes.T @ identified.covariance @ slopes))
 
 
 def _pole_errors(direction: str, pole: complex, true: complex) -> dict[str, float]:

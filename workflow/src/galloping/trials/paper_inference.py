@@ -161,17 +161,17 @@ def trial(
     for replicate in replicates:
         rng = make_generator(seed, "inference", case, replicate)
         proposal = _learn_proposal(reading, pilot_rounds, pilot_draws, rng)
-        tried, proposed = _try_settings(reading, proposal, settings, draws, rng)
-        named = {"reading": case, "replicate": replicate}
-        log_weights = _log_weights(tried, [proposal], [proposed])
-        for row, log_weight in zip(tried, log_weights, strict=True):
-            drawn = row.pop("draws")
+        setting_rows, proposed = _try_settings(reading, proposal, settings, draws, rng)
+        keys = {"reading": case, "replicate": replicate}
+        log_weights = _log_weights(setting_rows, [proposal], [proposed])
+        for row, log_weight in zip(setting_rows, log_weights, strict=True):
+            draw_rows = row.pop("draws")
             del row["point"]
-            yield {**named, "stage": "tried", "proposed": proposed, **row,
+            yield {**keys, "stage": "tried", "proposed": proposed, **row,
                    "log_weight": log_weight}  # fmt: skip
             motion = {name: row[name] for name in ("change", "attack")}
-            yield from ({**named, "stage": "draw", **motion, **values} for values in drawn)
-        best = sorted(tried, key=lambda row: -row["log_likelihood"])[:N_REFINED]
+            yield from ({**keys, "stage": "draw", **motion, **values} for values in draw_rows)
+        best = sorted(setting_rows, key=lambda row: -row["log_likelihood"])[:N_REFINED]
         again = [_judge_setting(reading, row, draws, rng) for row in best]
         if reading == FIRST_READING and climb:
             top = max(again, key=lambda row: row["log_likelihood"])
@@ -180,20 +180,20 @@ def trial(
                     reading, _climb_likelihood(reading, top, climb, rng), SUMMIT_DRAWS, rng
                 )
             )
-        yield from ({**named, "stage": "judged", **row} for row in again)
+        yield from ({**keys, "stage": "judged", **row} for row in again)
 
 
 def _learn_proposal(
     reading: Reading, rounds: Sequence[int], draws: int, rng: np.random.Generator
 ) -> Proposal:
     """Find the proposal of the last round, from pilot rounds weighted by their mixture."""
-    tried, proposals, numbers = [], [Proposal()], []
+    rows, proposals, numbers = [], [Proposal()], []
     for count in rounds:
-        found, proposed = _try_settings(reading, proposals[-1], count, draws, rng)
-        tried += found
+        new_rows, proposed = _try_settings(reading, proposals[-1], count, draws, rng)
+        rows += new_rows
         numbers.append(proposed)
-        points = np.stack([row["point"] for row in tried])
-        log_weights = _log_weights(tried, proposals, numbers)
+        points = np.stack([row["point"] for row in rows])
+        log_weights = _log_weights(rows, proposals, numbers)
         proposals.append(Proposal.fit(points, log_weights, UNIFORM_SHARE))
     return proposals[-1]
 
@@ -215,11 +215,11 @@ def _judge_setting(
 ) -> dict[str, float]:
     """Compute the likelihood of a setting from fresh draws."""
     setting = {name: values[name] for name in UNKNOWN_NAMES}
-    found = estimate(reading, setting, draws, rng)
-    if found is None:
+    judgment = estimate(reading, setting, draws, rng)
+    if judgment is None:
         raise ValueError("the conditions of the reading exclude the setting")
-    found.pop("draws")
-    return setting | found
+    judgment.pop("draws")
+    return setting | judgment
 
 
 def _climb_likelihood(
@@ -263,9 +263,9 @@ def _try_settings(
     reading: Reading, proposal: Proposal, count: int, draws: int, rng: np.random.Generator
 ) -> tuple[list[dict], int]:
     """Draw settings of a proposal until `count` of them are possible; also count the proposals."""
-    found: list[dict] = []
+    rows: list[dict] = []
     proposed = 0
-    while len(found) < count:
+    while len(rows) < count:
         proposed += 1
         point = proposal.draw(rng)
         values = setting_at(reading, point)
@@ -273,8 +273,8 @@ def _try_settings(
             continue
         row = estimate(reading, values, draws, rng)
         if row is not None:
-            found.append({**values, "point": point, **row})
-    return found, proposed
+            rows.append({**values, "point": point, **row})
+    return rows, proposed
 
 
 def setting_at(reading: Reading, point: np.ndarray) -> dict[str, float] | None:

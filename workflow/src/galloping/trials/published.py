@@ -146,11 +146,11 @@ def exact_terms(
             }  # fmt: skip
             deviations = _bound_deviations(true, [Experiment(motion[0], time[rows], sigma)])
             for replicate in replicates:
-                named = columns | {"replicate": replicate}
-                rng = make_generator(*_noise_seed(named))
+                keys = columns | {"replicate": replicate}
+                rng = make_generator(*_noise_seed(keys))
                 noise = sigma * rng.standard_normal(motion[rows].shape)
                 recording = Recording(time[rows], true.states, motion[rows] + noise)
-                yield Attempt(named, true, recording, deviations)
+                yield Attempt(keys, true, recording, deviations)
 
 
 def relaxation_intervals(

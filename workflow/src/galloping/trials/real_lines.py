@@ -215,8 +215,8 @@ def trial(
         rng = make_generator(seed, "model_error", case, *name)
         gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
         speed = continuous.draw_wind(line, gusts, time, rng)
-        measured = {WIND_INPUT: Input(time, speed)} if truth.wind and speed is not None else {}
-        return simulate_sensors(parameters, line, truth, time, speed), measured, rng
+        wind_inputs = {WIND_INPUT: Input(time, speed)} if truth.wind and speed is not None else {}
+        return simulate_sensors(parameters, line, truth, time, speed), wind_inputs, rng
 
     steady = combine_sensors(line, truth, simulate_sensors(parameters, line, truth, time))
     unseen, unseen_wind, _ = simulate_recorded("unseen")
@@ -224,12 +224,12 @@ def trial(
     true = _true_quantities(line, steady[time >= STEADY_START])
     others = _other_winds(parameters, truth, time) if truth.wind else {}
     for replicate in replicates:
-        clean, measured, rng = simulate_recorded(replicate)
+        clean, wind_inputs, rng = simulate_recorded(replicate)
         noise = NOISE_LEVEL * clean.std(axis=0) * rng.standard_normal(clean.shape)
         values = combine_sensors(line, truth, clean + noise)
         if not truth.velocities:
             values[:, 2:] = np.nan
-        recordings = [Recording(time, STATES, values, inputs=measured)]
+        recordings = [Recording(time, STATES, values, inputs=wind_inputs)]
         for method, settings in methods.items():
             if truth.wind and method not in INPUT_METHODS:
                 continue
@@ -301,12 +301,12 @@ def _true_quantities(line: continuous.Span, steady: np.ndarray) -> np.ndarray:
     Its modes are the first symmetric ones in plane and out of plane.
     """
     values, vectors = continuous.small_motions(line)
-    moving, found = np.linalg.norm(vectors[: 2 * line.modes], axis=0), []
+    moving, poles = np.linalg.norm(vectors[: 2 * line.modes], axis=0), []
     for direction in (0, 1):
-        own = slice(direction * line.modes, (direction + 1) * line.modes)
-        share = np.linalg.norm(vectors[own], axis=0) / moving
-        shapes = np.abs(line.arrays.shapes[direction] @ vectors[own])
+        rows = slice(direction * line.modes, (direction + 1) * line.modes)
+        share = np.linalg.norm(vectors[rows], axis=0) / moving
+        shapes = np.abs(line.arrays.shapes[direction] @ vectors[rows])
         middle = shapes[len(shapes) // 2] > 0.5 * shapes.max(axis=0)
         first = values[np.flatnonzero((share > 0.7) & middle)[0]]
-        found += [-2.0 * first.real, first.imag]
-    return np.array([*steady_amplitude(steady)[:2], *found])
+        poles += [-2.0 * first.real, first.imag]
+    return np.array([*steady_amplitude(steady)[:2], *poles])

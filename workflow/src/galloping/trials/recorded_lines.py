@@ -92,13 +92,19 @@ def of_the_default_line(
     line = default_line()
     states = line.states
     for protocol, level in product(protocols, levels):
-        named = {"group": DEFAULT, "case": case, "protocol": protocol, "level": level, "seed": seed}
-        made = [
-            simulate_recording(named | {"replicate": r}, line.model, line.time, states)
+        columns = {
+            "group": DEFAULT,
+            "case": case,
+            "protocol": protocol,
+            "level": level,
+            "seed": seed,
+        }
+        attempts = [
+            simulate_recording(columns | {"replicate": r}, line.model, line.time, states)
             for r in replicates
         ]
-        deviations = deviations_at_the_bound(made[0], states)
-        yield from (replace(each, deviations=deviations) for each in made)
+        deviations = deviations_at_the_bound(attempts[0], states)
+        yield from (replace(each, deviations=deviations) for each in attempts)
 
 
 def draw_line(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
@@ -184,9 +190,9 @@ def of_long_and_steady_motions(
     for level, replicate in product(levels, replicates):
         if case in MOTION_SELECTORS:
             rng, states = make_generator(seed, LONG_AND_STEADY, case, replicate), None
-            drawn = draw_lines(rng, simulator, time)
+            lines = draw_lines(rng, simulator, time)
             while states is None:
-                true, motions = next(drawn)
+                true, motions = next(lines)
                 states = MOTION_SELECTORS[case](simulator, true, motions[0], time)
         else:
             line = default_line()
@@ -297,9 +303,9 @@ def _simulate_driven(
 
     force: (n_knots, 2) additional accelerations. Both are linear between the times `knots`.
     """
-    used = np.flatnonzero(np.any((line.model.coefficients != 0.0) | change.support, axis=0))
-    terms = tuple(line.model.terms[k] for k in used)
-    steady, varied = line.model.coefficients[:, used], change.coefficients[:, used]
+    columns = np.flatnonzero(np.any((line.model.coefficients != 0.0) | change.support, axis=0))
+    terms = tuple(line.model.terms[k] for k in columns)
+    steady, varied = line.model.coefficients[:, columns], change.coefficients[:, columns]
     step = 1.0 / FORCE_RATE / SUBSTEPS
     times = step * np.arange(SUBSTEPS * (len(knots) - 1) + 1)
     halves = step / 2.0 * np.arange(2 * len(times) - 1)
