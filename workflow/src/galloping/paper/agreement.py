@@ -96,12 +96,12 @@ def log_likelihoods(
     logarithm of each factor, a probability or, for printed numbers, a density: by cell, and by
     claim if it compares two noise levels.
     """
-    counted = [claim for claim in claims if group_of(claim) not in left_out]
+    counted_claims = [claim for claim in claims if group_of(claim) not in left_out]
     factors = {
-        name_cell(cell): [c for c in counted if c.minus_level is None and cell_of(c) == cell]
+        name_cell(cell): [c for c in counted_claims if c.minus_level is None and cell_of(c) == cell]
         for cell in CELLS
     }
-    factors |= {claim.name: [claim] for claim in counted if claim.minus_level is not None}
+    factors |= {claim.name: [claim] for claim in counted_claims if claim.minus_level is not None}
     return {
         name: float(np.log(_mean_weight([(c, values[c.name]) for c in factor])))
         for name, factor in factors.items()

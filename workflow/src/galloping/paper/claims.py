@@ -240,10 +240,10 @@ def _judge_bound(
         return verdict, "without noise there is a single value"
     share, low, high = (format_percent(row[name]) for name in SHARE_COLUMNS)
     text = f"{share} of the realisations ({low} to {high})"
-    missed = ~claim.is_met(values)
-    if not np.any(missed):
+    is_missed = ~claim.is_met(values)
+    if not np.any(is_missed):
         return verdict, text
-    others = claim.rows(scores)[missed]
+    others = claim.rows(scores)[is_missed]
     faults = {
         "lost a true term": others["missing"] > 0,
         "have false terms": others["spurious"] > 0,

@@ -90,12 +90,12 @@ class DerivativeNoise(_Noise):
             raise np.linalg.LinAlgError(f"{points} samples do not determine {p} terms")
         gram, moments = self._whole_products
         if points < n:
-            kept = np.zeros(n, bool)
-            kept[rng.choice(n, size=points, replace=False)] = True
+            is_sampled = np.zeros(n, bool)
+            is_sampled[rng.choice(n, size=points, replace=False)] = True
             if points <= n / 2:
-                gram, moments = self._products_of_rows(kept)
+                gram, moments = self._products_of_rows(is_sampled)
             else:
-                other_gram, other_moments = self._products_of_rows(~kept)
+                other_gram, other_moments = self._products_of_rows(~is_sampled)
                 gram, moments = gram - other_gram, moments - other_moments
         sigma = level * self.unit
         shape = draws, len(sigma), p

@@ -65,21 +65,21 @@ class QuickStudy:
             for k in range(0, count, shared):
                 products = noisy.draw(level, points, rng, min(shared, count - k))
                 models.append(identify_coefficients(products, method))
-        found = np.concatenate(models)
+        coefficients = np.concatenate(models)
         if method.kinematics == KNOWN:
-            rows = [row for row in range(found.shape[1]) if row not in score.DYNAMIC_ROWS]
-            found[:, rows] = self.true.coefficients[rows]
+            rows = [row for row in range(coefficients.shape[1]) if row not in score.DYNAMIC_ROWS]
+            coefficients[:, rows] = self.true.coefficients[rows]
         columns: dict[str, Any] = {
             name: np.repeat([cell[k] for cell in cells], count)
             for k, name in enumerate(("kind", "level", "points"))
         }
         columns["replicate"] = np.tile(range(count), len(cells))
-        columns.update(self._coefficient_scores(found))
+        columns.update(self._coefficient_scores(coefficients))
         is_whole = columns["points"] >= len(self.motion.time)
         is_simulated = ~(is_whole & np.isin(columns["level"], unsimulated_levels))
         table = pd.DataFrame(columns)
         # all models at once: those with as many terms move together
-        scored = self._motion_scores(found[is_simulated])
+        scored = self._motion_scores(coefficients[is_simulated])
         return table.join(pd.DataFrame(scored, index=table.index[is_simulated]))
 
     @cached_property
@@ -97,12 +97,14 @@ class QuickStudy:
         errors = [
             score.mean_error_by_order(self.true, model, score.DYNAMIC_ROWS) for model in models
         ]
-        found = [score.support_scores(self.true, model) for model in models]
+        support_scores = [score.support_scores(self.true, model) for model in models]
         columns = {
             f"mean_error_{order}_percent": [100 * each.get(order, np.nan) for each in errors]
             for order in TERM_DEGREES
         }
-        return columns | {name: [each[name] for each in found] for name in ("missing", "spurious")}
+        return columns | {
+            name: [each[name] for each in support_scores] for name in ("missing", "spurious")
+        }
 
     def _motion_scores(self, models: np.ndarray) -> dict[str, np.ndarray]:
         quality, amplitudes = self._simulate_models(models)
@@ -127,7 +129,7 @@ class QuickStudy:
         true = np.ascontiguousarray(self.motion.states[::STEP_SAMPLES, displacements])
         step = STEP_SAMPLES / self.amounts.sampling_rate
         first = round(self.amounts.steady_window[0] / step)
-        found = np.empty((len(models), 4))
+        sums = np.empty((len(models), 4))
         # models with as many terms move together: lanes have all terms that one of them has
         order = np.argsort((models != 0).sum(axis=(1, 2)), kind="stable")
         for start in range(0, len(models), LANES):
@@ -135,21 +137,21 @@ class QuickStudy:
             lanes = models[np.resize(some, LANES)]
             rows, columns = np.nonzero((lanes != 0).any(axis=0))
             values = np.ascontiguousarray(lanes[:, rows, columns].T)
-            moved = _move_lanes(values, rows, columns, lower, last, self.motion.states[0], step,
+            lane_sums = _move_lanes(values, rows, columns, lower, last, self.motion.states[0], step,
                           true, first)  # fmt: skip
-            found[some] = moved[: len(some)]
+            sums[some] = lane_sums[: len(some)]
         total = np.sum((true - true.mean(axis=0)) ** 2, axis=0)
-        quality = np.where(np.isfinite(found[:, :2]), 1 - found[:, :2] / total, -np.inf)
-        return quality, found[:, 2:]
+        quality = np.where(np.isfinite(sums[:, :2]), 1 - sums[:, :2] / total, -np.inf)
+        return quality, sums[:, 2:]
 
 
-def identify_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
+def identify_coefficients(products: Products, method: MethodReading) -> np.ndarray:
     """Compute the coefficients that the paper's method identifies from each of many recordings.
 
     Returns (k, m, p), as of `Products`. The fixed points are those of `stlsq.fit_raw` and
     `stlsq.fit_normalised`.
     """
-    grams, moments, across = drawn.grams, drawn.moments, drawn.across
+    grams, moments, across = products.grams, products.moments, products.across
     lengths, scale = np.ones(grams.shape[::2]), np.ones(across.shape)
     every = np.ones((*moments.shape[:2], 1, moments.shape[2]), bool)
     explained = supports.solve(grams, moments, every)[:, :, 0]
@@ -162,21 +164,25 @@ def identify_coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
         across = across / scale
         weights = np.ones(grams.shape[1])
     else:
-        weights = 1 / drawn.lengths
+        weights = 1 / products.lengths
     thresholds = np.array([[method.threshold]] * moments.shape[1], float)
     if method.threshold is None:
         largest = np.abs(explained * weights).max(axis=2, keepdims=True)
         largest = largest if method.columns == "raw" else np.ones_like(largest)
         thresholds = largest * supports.threshold_path(N_THRESHOLDS)
-    kept = supports.thresholded_supports(grams, moments, thresholds, weights)
-    found = supports.solve(grams, moments, kept)
+    masks = supports.thresholded_supports(grams, moments, thresholds, weights)
+    coefficients = supports.solve(grams, moments, masks)
     if method.threshold is None:
-        left = np.sum((explained[:, :, np.newaxis] - found) * moments[:, :, np.newaxis], axis=3)
-        rss = across[..., np.newaxis] ** 2 + np.maximum(left, 0)
-        judged = supports.ebic(rss, kept.sum(axis=3), drawn.samples, grams.shape[1])
+        residual = np.sum(
+            (explained[:, :, np.newaxis] - coefficients) * moments[:, :, np.newaxis], axis=3
+        )
+        rss = across[..., np.newaxis] ** 2 + np.maximum(residual, 0)
+        judged = supports.ebic(rss, masks.sum(axis=3), products.samples, grams.shape[1])
         best = judged.argmin(axis=2)[..., np.newaxis, np.newaxis]
-        found = np.take_along_axis(found, best, axis=2)
-    return found[:, :, 0] * scale[..., np.newaxis] / lengths[:, np.newaxis] / drawn.lengths
+        coefficients = np.take_along_axis(coefficients, best, axis=2)
+    return (
+        coefficients[:, :, 0] * scale[..., np.newaxis] / lengths[:, np.newaxis] / products.lengths
+    )
 
 
 @numba.njit(fastmath=FAST_MATH, cache=True)

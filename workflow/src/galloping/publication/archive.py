@@ -127,14 +127,14 @@ def find_manifest_faults(folder: Path) -> Iterator[str]:
     except (OSError, UnicodeDecodeError):
         yield f"{MANIFEST}: missing, or not text"
         return
-    listed = {path: sha256 for sha256, _, path in (line.partition("  ") for line in lines)}
+    digests = {path: sha256 for sha256, _, path in (line.partition("  ") for line in lines)}
     present = set(list_files(folder)) - {MANIFEST}
-    for path in sorted(listed.keys() | present):
-        if path not in listed:
+    for path in sorted(digests.keys() | present):
+        if path not in digests:
             yield f"{path}: not in the manifest"
         elif path not in present:
             yield f"{path}: missing"
-        elif digest(folder / path) != listed[path]:
+        elif digest(folder / path) != digests[path]:
             yield f"{path}: changed"
 
 

@@ -201,7 +201,7 @@ def find_obstacles(
     present: Commit | None, checked: Audit, results: Path
 ) -> Iterator[tuple[str, str]]:
     """Yield each reason against publishing a study: its kind, such as `outdated`, and its text."""
-    shown = [*results.glob("tables/*"), *results.glob("figures/*")]
+    results_shown = [*results.glob("tables/*"), *results.glob("figures/*")]
     if present is None:
         yield "dirty", "git knows no commit of this folder"
     for kind, paths, fault in (
@@ -210,7 +210,7 @@ def find_obstacles(
         ("incomplete", checked.unknown, "without a receipt of how it was made"),
         ("outdated", checked.outdated, "made with other settings, code or inputs"),
         ("damaged", checked.damaged, "not what its job wrote"),
-        ("empty", () if shown else (str(results),), "no table or figure is made yet"),
+        ("empty", () if results_shown else (str(results),), "no table or figure is made yet"),
     ):
         if paths:
             yield kind, f"{list_first(paths)}: {fault}"
@@ -237,13 +237,13 @@ def list_published_files(plan: Plan) -> list[Path]:
     shown = (f"{results}/tables/", f"{results}/figures/", f"{results}/report.html", *of_fields)
     final = [path for path in maker if path.startswith(shown)]
     needed = {path for made in final for path in maker[made].inputs if is_plain(path)}
-    wanted = [Path(path) for path in (*final, *needed, *SOURCES)]
+    paths = [Path(path) for path in (*final, *needed, *SOURCES)]
     for folder in filter(Path.is_dir, map(Path, SOURCES)):
-        wanted += [folder / p for p in list_files(folder) if is_plain(p) and "__pycache__" not in p]
+        paths += [folder / p for p in list_files(folder) if is_plain(p) and "__pycache__" not in p]
     private = {
         Path(path).resolve()
         for recordings in fields.values()
         if not recordings["publish"]
         for path in recordings["files"]
     }
-    return sorted({p for p in wanted if p.is_file() and p.resolve() not in private})
+    return sorted({p for p in paths if p.is_file() and p.resolve() not in private})

@@ -62,10 +62,10 @@ def departures(settings: Settings) -> dict[str, str]:
 
 def _describe_change(key: str, ours: Mapping, papers: Mapping) -> str:
     """Describe how the value at a dotted key differs from the paper's, "" if it does not."""
-    value, printed = (reduce(getitem, key.split("."), values) for values in (ours, papers))
-    if value == printed:
+    value, paper_value = (reduce(getitem, key.split("."), values) for values in (ours, papers))
+    if value == paper_value:
         return ""
-    return f"{key} is {show(value)}, where the paper has {show(printed)}"
+    return f"{key} is {show(value)}, where the paper has {show(paper_value)}"
 
 
 def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
@@ -78,9 +78,9 @@ def _describe_departure(case: CaseSection | None, paper: CaseSection) -> str:
         key = key.partition(".")[2]  # below the name of the case
         if node.get("provenance") != "printed":
             continue
-        printed = reduce(getitem, key.split("."), papers)
+        paper_value = reduce(getitem, key.split("."), papers)
         # a case whose value differs from the default has one of ours, such as the second tension
-        if printed == node["default"] and (change := _describe_change(key, ours, papers)):
+        if paper_value == node["default"] and (change := _describe_change(key, ours, papers)):
             return change
     return ""
 
@@ -132,10 +132,10 @@ def least_noise(study: Study, case: Case) -> Cell:
     return _cells_of_pair(study, case, paper_pair(study), NOISE)[0]
 
 
-def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]:
+def noise_cells(study: Study, pair: Pair, levels: Iterable[float]) -> list[Cell]:
     """List sets of recordings with wanted noise levels, or else the three lowest above zero."""
     cells = [cell for cell in _cells_of_pair(study, study.cases[0], pair, NOISE) if cell.level > 0]
-    return [cell for cell in cells if cell.level in wanted] or cells[:3]
+    return [cell for cell in cells if cell.level in levels] or cells[:3]
 
 
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
@@ -149,12 +149,12 @@ def assessed_cell(study: Study, case: str) -> Cell | None:
     They are from sensors at the noise level of the subsets, and all recordings of the case together
     if it has several. None without our method, or for a continuous line.
     """
-    chosen = [
+    cells = [
         cell
         for cell in _cells_at_subset_level(study, case)
         if cell.protocol == sensor_protocol(study) and cell.kind in (NOISE, JOINT)
     ]
-    return max(chosen, key=lambda cell: cell.recordings, default=None)
+    return max(cells, key=lambda cell: cell.recordings, default=None)
 
 
 def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
