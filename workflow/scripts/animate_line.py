@@ -24,9 +24,9 @@ def animate_line(animation, case, trajectory, line, window):
         write_still(animation, f"{title}\nnothing to show: the line {outcome}")
         return
     slower = steady_frequency(steady, motion.time[1] - motion.time[0]).min()
-    kept = motion.time >= motion.time[-1] - ANIMATED_PERIODS / slower
+    is_animated = motion.time >= motion.time[-1] - ANIMATED_PERIODS / slower
     title += f", the last {ANIMATED_PERIODS} periods"
-    write_animation(animation, line, motion.time[kept], motion.states[kept], title)
+    write_animation(animation, line, motion.time[is_animated], motion.states[is_animated], title)
 
 
 if __name__ == "__main__":

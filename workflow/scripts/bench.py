@@ -105,9 +105,9 @@ def time_integration(results: Path) -> list[dict]:
     rows = []
     for (what, ours), theirs in zip(works.items(), peers, strict=True):
         ours()  # compiled before
-        own = time_calls(ours, 15)
-        peer = {"peer": "heyoka", "ratio": time_calls(theirs, 15) / own} if theirs else {}
-        rows.append(report(what, own, "s", bar=">= 0.5", **peer))
+        our_time = time_calls(ours, 15)
+        peer = {"peer": "heyoka", "ratio": time_calls(theirs, 15) / our_time} if theirs else {}
+        rows.append(report(what, our_time, "s", bar=">= 0.5", **peer))
     return rows
 
 
@@ -274,9 +274,9 @@ def time_whole_runs() -> list[dict]:
 def main(results: str, output: str, older: str | None = None) -> None:
     """Measure all speeds and write them to a table."""
     folder = Path(results)
-    measured = (time_integration, compare_simulation, time_selection, time_likelihood)
+    benchmarks = (time_integration, compare_simulation, time_selection, time_likelihood)
     rows = tabulate_jobs(folder, Path(older) if older else None)
-    rows += [each for measure in measured for each in measure(folder)]
+    rows += [each for measure in benchmarks for each in measure(folder)]
     write_rows(output, [*rows, *time_command(), *time_whole_runs()])
 
 

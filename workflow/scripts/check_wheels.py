@@ -42,13 +42,13 @@ def main() -> int:
     """Test all lock files on all systems and Pythons, print results, return the exit code."""
     failed = 0
     for lock, system, python in product(LOCKS, SYSTEMS, PYTHONS):
-        done = resolve_lock(ROOT / lock, system, python)
-        packages = sum(line.startswith(" + ") for line in done.stdout.splitlines())
-        result = f"{packages} packages" if done.returncode == 0 else done.stdout.strip()
+        resolution = resolve_lock(ROOT / lock, system, python)
+        packages = sum(line.startswith(" + ") for line in resolution.stdout.splitlines())
+        result = f"{packages} packages" if resolution.returncode == 0 else resolution.stdout.strip()
         print(f"{lock} on {system} with Python {python}: {result}", flush=True)
-        if any(sign in done.stdout for sign in NETWORK_ERRORS):
+        if any(sign in resolution.stdout for sign in NETWORK_ERRORS):
             return 2
-        failed += done.returncode != 0
+        failed += resolution.returncode != 0
     return min(failed, 1)
 
 

@@ -60,19 +60,19 @@ def draw(reads: Graph) -> str:
     for rule in sorted(reads):
         columns.setdefault(last - count_columns_after(rule), []).append(rule)
     tallest = max(map(len, columns.values()))
-    place = {
+    positions = {
         rule: (x * COLUMN_STEP + 4, round((row + (tallest - len(rules)) / 2) * ROW_STEP) + 4)
         for x, rules in columns.items()
         for row, rule in enumerate(rules)
     }
     lines = []
-    for rule, (x, y) in place.items():
-        for x0, y0 in sorted(place[each] for each in reads[rule]):
+    for rule, (x, y) in positions.items():
+        for x0, y0 in sorted(positions[each] for each in reads[rule]):
             start, end, half = x0 + BOX_WIDTH, x, (COLUMN_STEP - BOX_WIDTH) // 2
             y0, y1 = y0 + BOX_HEIGHT // 2, y + BOX_HEIGHT // 2
             curve = f"M{start} {y0}C{start + half} {y0} {end - half} {y1} {end} {y1}"
             lines.append(f'<path d="{curve}"/>')
-    for rule, (x, y) in place.items():
+    for rule, (x, y) in positions.items():
         lines.append(f'<rect x="{x}" y="{y}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}" rx="4"/>')
         lines.append(f'<text x="{x + BOX_WIDTH // 2}" y="{y + 16}">{rule}</text>')
     width, height = len(columns) * COLUMN_STEP - (COLUMN_STEP - BOX_WIDTH) + 8, tallest * ROW_STEP

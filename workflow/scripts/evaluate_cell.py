@@ -24,15 +24,17 @@ def evaluate_cell(
     """Write scores, Cramér-Rao bounds and simulated motions of models of a set of recordings."""
     line, motions = read_model(model).model, read_trajectories(trajectory)
     line, terms = line.on_polynomials(degree), polynomial_library(len(line.states), degree)
-    drawn = measurement, (case, protocol, cell)
+    cell_keys = measurement, (case, protocol, cell)
     status = next(
         (m.status for m in motions[: measurement["recordings"]] if m.status != "ok"), "ok"
     )
-    known, at_bound, failed = [], [], "" if status == "ok" else "the line itself diverges"
+    motion_bounds, at_bound, failed = [], [], "" if status == "ok" else "the line itself diverges"
     if is_own_model and not failed:
         try:
-            known = cell_bounds(line, motions, *drawn)
-            at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
+            motion_bounds = cell_bounds(line, motions, *cell_keys)
+            at_bound = models_at(
+                line, motion_bounds, *cell_keys, lacking=line.term_names[len(terms) :]
+            )
         except ValueError as error:  # a state that does not move, a motion too sensitive
             failed = str(error)
     if is_own_model and failed:
@@ -44,7 +46,7 @@ def evaluate_cell(
     truth = Truth(
         line, first.time, first.states, tuple(steady_window), status, is_own_model=is_own_model
     )
-    least = deviations(line, known, len(terms))
+    least = deviations(line, motion_bounds, len(terms))
     rows, shown = evaluate(truth, models, least)
     write_bounds(bounds, least)
     write_rows(scores, [{**columns, **row} for row in rows])

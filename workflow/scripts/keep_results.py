@@ -58,11 +58,11 @@ def main() -> None:
             is_flag = name in ("--replace", "--delete")
             command.add_argument(name, **({"action": "store_true"} if is_flag else {}))
         command.add_argument("--configfile", nargs="+", default=[])
-    given = vars(parser.parse_args())
+    args = vars(parser.parse_args())
     with end_in_one_line():
-        settings = load_files(["config/config.yaml", *given["configfile"]])
+        settings = load_files(["config/config.yaml", *args["configfile"]])
         check_places(settings.results)  # before Snakemake, whose messages are less clear
-        given.pop("run")(**given)
+        args.pop("run")(**args)
 
 
 @contextmanager

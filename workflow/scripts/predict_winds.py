@@ -23,9 +23,9 @@ def _predict(identified, case, winds, rng) -> Prediction:
     try:
         if identified.status == "refused":
             raise ValueError(identified.verdict)
-        known = damping_ratios(case)
-        parts = split([identified], [speed], known)
-        draws = draw_splits(identified, speed, known, rng)
+        damping = damping_ratios(case)
+        parts = split([identified], [speed], damping)
+        draws = draw_splits(identified, speed, damping, rng)
         return predict(parts, speed, winds, start, draws, simulator(identified.model.terms))
     except (ValueError, np.linalg.LinAlgError) as error:
         return Prediction.nothing(winds, len(STATES), str(error))

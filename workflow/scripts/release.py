@@ -30,20 +30,20 @@ def objections(root: Path) -> Iterator[str]:
     citation, security = (
         (root / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "SECURITY.md")
     )
-    for place, content in (
+    for source, content in (
         ("pyproject.toml", text), ("CITATION.cff", citation), ("SECURITY.md", security),
     ):  # fmt: skip
         for placeholder in PLACEHOLDERS:
             if placeholder in content:
-                yield f"{place}: {placeholder!r} is a placeholder"
+                yield f"{source}: {placeholder!r} is a placeholder"
     version = project["version"]
     library_version = re.search(
         r'__version__ = "(.+)"', (root / "workflow/src/galloping/__init__.py").read_text()
     )
-    for place, stated in (("galloping.__version__", library_version[1]),
+    for source, stated in (("galloping.__version__", library_version[1]),
                          ("CITATION.cff", str(yaml.safe_load(citation)["version"]))):  # fmt: skip
         if stated != version:
-            yield f"{place}: {stated}; pyproject.toml has {version}"
+            yield f"{source}: {stated}; pyproject.toml has {version}"
     dated = RELEASE_HEADING.findall((root / "CHANGELOG.md").read_text(encoding="utf-8"))
     if version not in dated:
         yield f"CHANGELOG.md: no entry '## {version} - DATE'"
@@ -89,15 +89,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--draft", action="store_true")
-    given = parser.parse_args()
-    against = list(objections(ROOT))
-    print(*against, sep="\n", end="\n" * bool(against))
-    if against and not given.draft:
+    args = parser.parse_args()
+    faults = list(objections(ROOT))
+    print(*faults, sep="\n", end="\n" * bool(faults))
+    if faults and not args.draft:
         print("Nothing was built; --draft builds all the same")
         return 1
-    done = build(ROOT, given.folder)
-    print(done.stdout if done.returncode else f"{given.folder}: built, nothing is published")
-    return done.returncode
+    result = build(ROOT, args.folder)
+    print(result.stdout if result.returncode else f"{args.folder}: built, nothing is published")
+    return result.returncode
 
 
 if __name__ == "__main__":

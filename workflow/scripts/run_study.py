@@ -56,25 +56,25 @@ def main(*arguments: str) -> int:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--repair", action="store_true")
     parser.add_argument("--only", nargs="+", default=[])
-    given, options = parser.parse_known_args(arguments)
+    flags, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
     parser.add_argument("--cores", nargs="?", const="")
     parser.add_argument("--workflow-profile")
-    known, _ = parser.parse_known_args(options)
-    check_cores(known.cores)
-    files, repair = known.configfile, make_command(known.configfile, "repair")
+    run_options, _ = parser.parse_known_args(options)
+    check_cores(run_options.cores)
+    files, repair = run_options.configfile, make_command(run_options.configfile, "repair")
     with end_in_one_line(repair):
         settings = load_files(["config/config.yaml", *files])
         results = settings.results
-        with locked(results, repair, repairing=given.repair) as began:
-            if given.repair:
+        with locked(results, repair, repairing=flags.repair) as began:
+            if flags.repair:
                 targets = repair_study(results, files)
             else:
                 targets = check(results, files, repair)
             before, start = read_receipts(results), time.monotonic()
-            for line in [] if given.only else announce(settings, files, before, known):
+            for line in [] if flags.only else announce(settings, files, before, run_options):
                 print(line, flush=True)
-            status, interrupted = snakemake(results, *(given.only or targets), *options)
+            status, interrupted = snakemake(results, *(flags.only or targets), *options)
             for line in clear_unfinished(results):
                 print(line, file=sys.stderr)
             remember(results, inspect(results, after := read_receipts(results)))
@@ -101,34 +101,36 @@ def main(*arguments: str) -> int:
 def announce(
     settings: Settings,
     configfiles: list[str],
-    known: dict[str, Receipt],
+    receipts: dict[str, Receipt],
     options: argparse.Namespace,
 ) -> Iterator[str]:
     """Yield lines on what a run will do, only warnings if nothing changed since the report."""
     report = f"{settings.results}/report.html"
     receipt = receipt_path(report)
-    made = receipt.stat().st_mtime if receipt.exists() else 0.0
-    before = known[report].settings.get("study") if report in known else None
-    read = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
-    read += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
-    if before != {"study": plain(settings)} or any(path.stat().st_mtime > made for path in read):
+    mtime = receipt.stat().st_mtime if receipt.exists() else 0.0
+    before = receipts[report].settings.get("study") if report in receipts else None
+    sources = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    sources += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
+    if before != {"study": plain(settings)} or any(
+        path.stat().st_mtime > mtime for path in sources
+    ):
         from galloping.reproducibility.plan import describe_run, make_plan  # slow: Snakemake
 
         cores = int(options.cores) if str(options.cores).isdecimal() else os.cpu_count()
         yield from describe_run(
-            make_plan(configfiles), known, None if options.workflow_profile else cores
+            make_plan(configfiles), receipts, None if options.workflow_profile else cores
         )
     else:
         yield from Study(settings).doubts
 
 
-def print_summary(settings: Settings, made: int, seconds: float) -> None:
+def print_summary(settings: Settings, n_files: int, seconds: float) -> None:
     """Print a summary of a run: new results, reproduced claims, and the path of the report."""
     from galloping.reproducibility.plan import duration_in_words
 
     results = settings.results
-    files = f"{made} files made in {duration_in_words(seconds)}"
-    print(f"{files}: {results}" if made else "Nothing to do: all results are as configured.")
+    files = f"{n_files} files made in {duration_in_words(seconds)}"
+    print(f"{files}: {results}" if n_files else "Nothing to do: all results are as configured.")
     report, table = Path(results, "report.html"), Path(results, "tables", "paper.csv")
     # without a case of the paper, the table is of an earlier study
     if table.exists() and departures_from_paper(Study(settings)):
@@ -184,17 +186,17 @@ def repair_study(results: str, configfiles: list[str]) -> list[str]:
     unlock(configfiles)
     for line in clear_unfinished(results):
         print(line)
-    known = read_receipts(results)
-    findings, plan = inspect(results, known, thorough=True), make_plan(configfiles)
+    receipts = read_receipts(results)
+    findings, plan = inspect(results, receipts, thorough=True), make_plan(configfiles)
     for path in findings.damaged:
         print(f"{path} was edited or damaged: set aside as {set_aside(results, path)}")
-    unknown = [path for path in plan.maker if path not in known and Path(path).exists()]
+    unknown = [path for path in plan.maker if path not in receipts and Path(path).exists()]
     for path in unknown:
         print(f"{path} has no receipt that can be read: set aside as {set_aside(results, path)}")
     if (set(findings.unseen) & plan.maker.keys()) - find_recorded(configfiles):
         print(*adopt(plan), sep="\n", flush=True)
-        known = read_receipts(results)
-    findings = inspect(results, known)
+        receipts = read_receipts(results)
+    findings = inspect(results, receipts)
     remember(results, findings)
     return ["all", *unknown, *(path for path in findings.missing if path in plan.maker)]
 

@@ -17,9 +17,9 @@ def simulate_line(model, trajectory, releases, duration, sampling_rate):
     simulator = Simulator(line.states, line.terms)
 
     def motion(release):
-        moved = simulator(line, np.array([release[name] for name in line.states]), time)
-        states = moved.states if moved.status == "ok" else np.full_like(moved.states, np.nan)
-        return Motion(line.states, time, states, line(states), moved.status)
+        answer = simulator(line, np.array([release[name] for name in line.states]), time)
+        states = answer.states if answer.status == "ok" else np.full_like(answer.states, np.nan)
+        return Motion(line.states, time, states, line(states), answer.status)
 
     write_trajectories(trajectory, [motion(release) for release in releases])
 

@@ -28,17 +28,17 @@ def main(*arguments: str) -> int:
     parser.add_argument("--stratum", nargs="+", default=[])
     parser.add_argument("--before")
     parser.add_argument("--configfile", nargs="+", default=["config/exam.yaml"])
-    given, options = parser.parse_known_args(arguments)
+    args, options = parser.parse_known_args(arguments)
     try:
-        study = Study(load_files(["config/config.yaml", *given.configfile]))
-        trials = select_trials(study, given.stratum)
-        before = read_before(study, given.before)
+        study = Study(load_files(["config/config.yaml", *args.configfile]))
+        trials = select_trials(study, args.stratum)
+        before = read_before(study, args.before)
     except (ConfigurationError, ValueError) as error:
         sys.exit(str(error))
     folder = f"{study.settings.results}/trials"
     parts = [f"{trial.name}/{batch.name}" for trial in trials for batch in trial.batches]
-    only = ["--only", *(f"{folder}/{part}.csv" for part in parts)] if given.stratum else []
-    if status := run_study(*only, *options, "--configfile", *given.configfile):
+    only = ["--only", *(f"{folder}/{part}.csv" for part in parts)] if args.stratum else []
+    if status := run_study(*only, *options, "--configfile", *args.configfile):
         return status
     now = exam.collect_answers({part: read_table(f"{folder}/{part}.csv") for part in parts})
     before = before[before["stratum"].isin([trial.name for trial in trials])]
@@ -55,10 +55,10 @@ def select_trials(study: Study, strata: Sequence[str]) -> list[Trial]:
     """Select trials of a study by name, or all for no name; raise ValueError for another name."""
     if not study.settings.exam:
         raise ValueError("exam: false; the configuration of an exam says true")
-    known = [trial.name for trial in study.trials]
+    names = [trial.name for trial in study.trials]
     for name in strata:
-        if name not in known:
-            raise ValueError(f"STRATUM: {name!r} is no stratum; must be of {', '.join(known)}")
+        if name not in names:
+            raise ValueError(f"STRATUM: {name!r} is no stratum; must be of {', '.join(names)}")
     return [trial for trial in study.trials if not strata or trial.name in strata]
 
 

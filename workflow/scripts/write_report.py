@@ -45,28 +45,30 @@ def write_report(
     captions_of_recordings, headline, study,
 ):  # fmt: skip
     """Write the HTML report of a study from its figures, tables and recordings."""
-    drawn = _items([*figures, *animation], captions, labels)
+    figure_items = _items([*figures, *animation], captions, labels)
     texts = captions_of_tables()
-    shown = _items(tables, {name: texts[name] for name in (Path(t).stem for t in tables)}, {})
-    read = {name: read_table(shown[name].path) for name in TABLES_OF_SENTENCES if name in shown}
-    paper, known = read.get("paper"), read_table(region) if region else None
+    items = _items(tables, {name: texts[name] for name in (Path(t).stem for t in tables)}, {})
+    data = {name: read_table(items[name].path) for name in TABLES_OF_SENTENCES if name in items}
+    paper, region_rows = data.get("paper"), read_table(region) if region else None
     names = {name: method_style(name).label for name in METHOD_STYLES}
     sentences = {
-        "paper": inferred(read["paper_region"]) if "paper_region" in read else [],
-        "methods": on_methods(read, **headline, labels=names),
-        "engineering": on_engineering(read, **headline),
+        "paper": inferred(data["paper_region"]) if "paper_region" in data else [],
+        "methods": on_methods(data, **headline, labels=names),
+        "engineering": on_engineering(data, **headline),
     }
     by_part = {
         part: {
             "sentences": sentences[part],
-            "figures": [item for name, item in drawn.items() if parts[name] == part],
+            "figures": [item for name, item in figure_items.items() if parts[name] == part],
         }
         for part in PART_TITLES
     }
-    equations = read.get("equations")
+    equations = data.get("equations")
     page = {
         "title": "Galloping of iced overhead lines",
-        "paper": None if paper is None else section(paper, read.get("reproduction"), known, study),
+        "paper": None
+        if paper is None
+        else section(paper, data.get("reproduction"), region_rows, study),
         "equations": None if equations is None else side_by_side(equations, names),
         "made": made_by(commit(study)),
         "parts": {
@@ -75,7 +77,7 @@ def write_report(
         },
         "study": study,
         "introduction": introduction,
-        "tables": list(shown.values()),
+        "tables": list(items.values()),
         "recordings": [
             _recording(name, recordings, captions_of_recordings) for name in study["recordings"]
         ],
