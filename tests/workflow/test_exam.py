@@ -22,7 +22,8 @@ FEW = {
     "free_decays": {"replicates": 5},
     "files": {"cases": ["limit cycle in minutes", "decay with a knock"], "replicates": 1},
 }
-MOST_CHANGED = 0.1  # share of the answers, on another kind of processor, which rounds otherwise
+# share of the answers, on another kind of processor, which rounds otherwise
+MAX_CHANGED_SHARE = 0.1
 
 
 @pytest.fixture
@@ -53,5 +54,5 @@ def test_the_answers_are_those_of_the_reference(root, folder):
     assert len(asked) == len(now)
     changed = find_changes(asked, now)
     same_kind = read_json(reference / "origin.json")["processor"] == describe_processor()
-    allowed = 0 if same_kind else MOST_CHANGED * len(now)
+    allowed = 0 if same_kind else MAX_CHANGED_SHARE * len(now)
     assert len(changed) <= allowed, changed.to_string()

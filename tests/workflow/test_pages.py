@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 LINKED = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "config").glob("*.md")), *PAGES]
-MOST_WORDS = 900  # of prose; tables, code and formulas are looked up
+MAX_WORDS = 900  # of prose; tables, code and formulas are looked up
 read = partial(Path.read_text, encoding="utf-8")
 
 
@@ -67,7 +67,7 @@ def prose(text):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_no_page_is_long(page):
-    assert len(prose(read(page))) <= MOST_WORDS
+    assert len(prose(read(page))) <= MAX_WORDS
 
 
 def test_pages_name_modules_that_exist():

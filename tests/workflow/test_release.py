@@ -22,7 +22,7 @@ NAMED = (
     "workflow/src/galloping/__init__.py",
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-MOST_MEGABYTES = 450  # of `pip install .`, without pip itself
+MAX_MEGABYTES = 450  # of `pip install .`, without pip itself
 EDITS = {  # what a maintainer fills in
     "pyproject.toml": {"example.org/OWNER": "host.net/me", "The galloping authors": "A. Nyone"},
     "CITATION.cff": {"The galloping authors": "A. Nyone"},
@@ -138,7 +138,7 @@ def test_the_wheel_and_the_source_run_in_a_clean_environment(distributions, tmp_
     wheel, source = distributions
     clean = Clean(tmp_path / "clean")
     clean.install(wheel)
-    assert clean.megabytes() - clean.before <= MOST_MEGABYTES
+    assert clean.megabytes() - clean.before <= MAX_MEGABYTES
     code = (
         "import galloping, numpy; line = galloping.derive(); t = numpy.arange(2000) / 20; "
         "r = galloping.measure(line, galloping.simulate(line, [.1, .1, 0, 0], t), level=.05); "
