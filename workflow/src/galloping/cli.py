@@ -8,6 +8,7 @@ import click
 
 from galloping import __version__
 from galloping.command_errors import OneLineErrors
+from galloping.memory import keep_freed_memory
 from galloping.summary.terminal import json_text, print_rows, show_progress
 
 ROWS_PER_BLOCK = 100_000  # number of rows that are simulated at once
@@ -46,6 +47,7 @@ def main() -> None:
     Shell completion: eval "$(_GALLOPING_COMPLETE=bash_source galloping)"
     """  # noqa: D301 (click reads the backspace)
     gc.set_threshold(GARBAGE_THRESHOLD)
+    keep_freed_memory()
 
 
 def _mapping_options(command):

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from inspect import signature
 from pathlib import Path
 
+from galloping.memory import keep_freed_memory
 from galloping.reproducibility.receipts import (
     CAPTION,
     RECEIPT_SUFFIX,
@@ -41,6 +42,7 @@ def run(function: Callable[..., None], job) -> None:
     terminal; its traceback is in the log.
     """
     log = Path(job.log[0])
+    keep_freed_memory()
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         with log.open("w", encoding="utf-8") as file:
