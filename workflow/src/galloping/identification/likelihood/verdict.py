@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
@@ -29,7 +29,7 @@ from galloping.identification.selection import (
     solve_support,
     whiten,
 )
-from galloping.model.intervals import draw_normal
+from galloping.model.intervals import covariance_root
 
 # Largest total weight, under an `ok`, of plausible supports that lack a selected term. At most one
 # in fifty `ok` models then has a false term (docs/identification_parts.csv).
@@ -185,14 +185,21 @@ def _draw_rivals(problem: Problem, regression: Regression, posterior: Plausible)
     share = float(weights.sum())
     if share < MISS_RATE:
         return {}
+    fit_once = cache(lambda k: _fit_rival(regression, posterior.supports[1 + k]))
     for k in rng.choice(len(weights), RIVALS, p=weights / share):
-        support = posterior.supports[1 + k]
-        free = np.where(support, regression.origin, 0.0)
-        right = regression.right + regression.information @ (regression.origin - free)
-        change, covariance = solve_support(regression.information, right, support)
-        free[support] += draw_normal(change[support], covariance, 1, rng)[0]
+        best, root = fit_once(k)
+        free = best.copy()
+        free[posterior.supports[1 + k]] += root @ rng.standard_normal(len(root))
         rivals.append(problem.coefficients(free))
     return {"rivals": np.array(rivals), "rival_share": share}
+
+
+def _fit_rival(regression: Regression, support: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fit the terms of a support (n,): coefficients (n,), and the root of their covariance."""
+    free = np.where(support, regression.origin, 0.0)
+    right = regression.right + regression.information @ (regression.origin - free)
+    change, covariance = solve_support(regression.information, right, support)
+    return free + change, covariance_root(covariance)
 
 
 def find_beyond_bounds(

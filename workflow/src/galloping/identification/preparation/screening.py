@@ -76,10 +76,14 @@ def find_saturated_values(values: np.ndarray) -> list[float]:
     values: (n,). An extreme counts if far more samples have it than the next value. With a coarse
     resolution many samples have each value.
     """
-    distinct, counts = np.unique(values, return_counts=True)
-    ends = ((0, 1), (-1, -2)) if len(distinct) > 1 else ()
-    # four times as often: with a coarsely resolved sine it is 2.4 times
-    return [float(distinct[end]) for end, beside in ends if counts[end] >= 4 * counts[beside]]
+    saturated = []
+    for extreme_of in (np.min, np.max):
+        extreme = extreme_of(values)
+        others = values[values != extreme]
+        # four times as often: with a coarsely resolved sine it is 2.4 times
+        if len(others) and len(values) - len(others) >= 4 * np.sum(others == extreme_of(others)):
+            saturated.append(float(extreme))
+    return saturated
 
 
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
