@@ -30,7 +30,7 @@ from galloping.trajectory.simulation import Simulator
 # Simulations that end near enough to a limit cycle for its correction.
 RECORDED_WATCH = SPAN_WATCH.during(2000.0, 200.0)  # of the model at the recorded wind speed
 FORECAST_WATCH = SPAN_WATCH.during(1500.0, 50.0)  # of an identified model, from an initial state
-CORRECTION_TOLERANCE = 1e-4  # last correction, in steps: the error is about its square
+CORRECTION_TOLERANCE = 1e-3  # last correction, in steps: the error is about its square
 # Shares of a change of model at which limit cycles are followed: at once, or in steps.
 CHANGE_SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
 MIN_INTERVAL_DRAWS = MODEL_DRAWS / 2  # smallest number of drawn models of which an interval is made
