@@ -162,6 +162,17 @@ def test_a_slight_drift_is_looked_at_where_every_term_of_the_library_is_there() 
     assert found.support[1].all()
 
 
+def test_growth_that_settles_early_in_a_recording_is_identified() -> None:
+    """Its transient is a fortieth of the recording, where the window of a spectrum is small."""
+    time = np.arange(4000) / 10
+    p = 50.0 / (1.0 + 49.0 * np.exp(-0.8 * time))
+    p += 0.03 * p.std() * np.random.default_rng(2).standard_normal(p.shape)
+    found = maximum_likelihood(Recording(time, ("p",), p[:, np.newaxis]), library(1, 2))
+    assert found.support.tolist() == [[False, True, True]], found.reason
+    error = np.abs(found.model.coefficients - [0.0, 0.8, -0.016])[found.support]
+    assert np.all(error < 3.0 * found.standard_errors[found.support])
+
+
 def test_an_oscillation_of_a_single_state_is_refused_with_the_state_that_it_lacks() -> None:
     time, rng = np.arange(1200) / 20, np.random.default_rng(1)
     noise = rng.normal(size=(1200, 1))

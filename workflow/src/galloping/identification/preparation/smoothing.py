@@ -88,17 +88,38 @@ def shortest_period(recordings: list[Recording]) -> float:
             if good.sum() < MIN_CURVE_SAMPLES:
                 continue
             grid = np.linspace(time[0], time[-1], min(good.sum(), 2**13))
-            signal = np.interp(grid, time[good], values[good])
-            signal = (signal - signal.mean()) * np.hanning(len(signal))
-            power = np.abs(np.fft.rfft(signal)) ** 2
-            power = np.where(power > MIN_SIGNAL_RATIO * np.median(power), power, 0.0)[1:]
-            total = np.cumsum(power)
+            signal = _until_settled(np.interp(grid, time[good], values[good]))
+            duration = (time[-1] - time[0]) * (len(signal) - 1) / (len(grid) - 1)
+            total = np.cumsum(_spectrum(signal))
             if total[-1] > 0.0:
                 bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
-                highest = max(highest, bin_ / (time[-1] - time[0]))
+                highest = max(highest, bin_ / duration)
     if highest == 0.0:
         raise IdentificationError(Code.NO_MOTION)
     return 1.0 / highest
+
+
+def _until_settled(signal: np.ndarray) -> np.ndarray:
+    """Return twice the part of a signal in which it settles; all of it if it does not, or late.
+
+    The part contains 99 % of the squares of the motion about the last half, which is noise alone.
+    The window of a spectrum of all would hide a motion that settles soon.
+    """
+    late = signal[len(signal) // 2 :]
+    noise = np.var(late)
+    squares = np.cumsum((signal - late.mean()) ** 2 - noise)
+    # sums of noise alone deviate by its variance times the root of twice their number
+    moves = squares.max() > 10.0 * noise * np.sqrt(2.0 * len(signal))
+    if not moves or _spectrum(late).any():
+        return signal
+    settled = int(np.argmax(squares >= 0.99 * squares.max()))
+    return signal[: max(2 * settled, MIN_CURVE_SAMPLES)]
+
+
+def _spectrum(signal: np.ndarray) -> np.ndarray:
+    """Compute the power of a signal from the first frequency on, zero where it may be noise."""
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2
+    return np.where(power > MIN_SIGNAL_RATIO * np.median(power), power, 0.0)[1:]
 
 
 def smooth(recording: Recording, period: float) -> Smooth:
