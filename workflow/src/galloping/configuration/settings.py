@@ -8,7 +8,14 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
+from pydantic import (
+    Field,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from galloping.configuration.keys import keys
 from galloping.configuration.kinds import (
@@ -367,16 +374,21 @@ class Settings(
     """All settings of a study."""
 
     @model_validator(mode="after")
-    def _check_swept_cables(self) -> Self:
+    def _check_swept_cases(self) -> Self:
         for (name, sweep), case in product(self.sweeps.items(), self.cases.values()):
-            swept = {sweep.parameter: "values", sweep.second: "second_values"}
-            tension, span = case.line.tension, case.line.span
-            if "tension" in swept:
-                tension = getattr(sweep, swept["tension"])[0]
-            if "span" in swept:
-                span = getattr(sweep, swept["span"])[1]
-            if text := case.describe_slackness(tension, span):
-                raise make_error(text, "sweeps", name, swept.get("tension") or swept["span"])
+            swept = [(sweep.parameter, "values")]
+            if sweep.second:
+                swept.append((sweep.second, "second_values"))
+            for ends in product(*(getattr(sweep, key)[:2] for _, key in swept)):
+                changed = case.model_dump()
+                for (parameter, key), end in zip(swept, ends, strict=True):
+                    changed = PARAMETERS[parameter].at(changed, end)
+                    try:
+                        CaseSection.model_validate(changed)
+                    except ValidationError as error:
+                        fault = error.errors(include_url=False)[0]["msg"]
+                        text = f"{show(end)} as {parameter}: {fault[:1].lower()}{fault[1:]}"
+                        raise make_error(text, "sweeps", name, key) from None
         return self
 
     @field_validator("results")
