@@ -202,6 +202,7 @@ fits(VALUES.tolist(), TERMS) | recordings: item 0 is a list; {WANTED}
 fits([recording(), "x"], TERMS) | recordings: item 1 is a str; {WANTED}
 fits([recording(), OTHER], TERMS) | recordings: item 1 has the states a, b; must have those of
 fits(SHORT, TERMS) | recordings: 10 samples are fewer than the 100 needed
+fits(PAUSED, TERMS) | recordings: item 0 has a gap of 1e+06 s between samples 0.05 s apart; must
 fits(recording(), galloping.polynomial_library(3, 1)) | terms: (0, 0, 0); must be tuples of 2
 fits(recording(), (1, 0)) | terms: 1; must be tuples of 2
 fits(recording(), TERMS, LINE, ("x",)) | known_states: 'x'; must be among q, dq
@@ -282,6 +283,7 @@ ENDINGS = {
 }
 NOT_A_TIME = np.datetime64("NaT")
 SHORT = Recording(TIME[:10], ("q", "dq"), VALUES[:10])
+PAUSED = Recording(np.append(TIME, 1e6 + TIME), ("q", "dq"), np.tile(VALUES, (2, 1)))
 OTHER = recording(states=("a", "b"))
 NONE = galloping.IdentifiedModel.refused(LINE.states, TERMS, [])
 U = galloping.Input(TIME, np.cos(TIME))

@@ -17,13 +17,16 @@ from galloping.recording.samples import Recording
 
 MAX_CANDIDATES = 600  # most terms of all equations: exchanges of three then fit in memory
 MIN_SAMPLES = 100  # least number of samples: with fewer, noise may look like an oscillation
+# Largest mean time between samples, relative to the median. Beyond it a recording is mostly gaps,
+# and the uniform grids of times that the methods use would not fit in memory.
+MAX_MEAN_STEP = 200
 
 
 def checked_recordings(recordings: object) -> list[Recording]:
     """Check one recording or several, and return them as a list.
 
-    Raises ValueError if there are none, or if they are not recordings, differ in their states, or
-    are too short.
+    Raises ValueError if there are none, or if they are not recordings, differ in their states,
+    are too short, or consist mostly of gaps.
     """
     requirement = "must be a Recording, or a list of recordings of one system"
     if isinstance(recordings, Recording):
@@ -46,6 +49,12 @@ def checked_recordings(recordings: object) -> list[Recording]:
         if lacking := set(recordings[0].inputs) - set(recording.inputs):
             raise ValueError(
                 f"recordings: item {i} lacks the input {', '.join(sorted(lacking))} of the first"
+            )
+        steps = np.diff(recording.time)
+        if len(steps) and np.mean(steps) > MAX_MEAN_STEP * np.median(steps):
+            raise ValueError(
+                f"recordings: item {i} has a gap of {steps.max():.4g} s between samples "
+                f"{np.median(steps):.4g} s apart; must be a recording for each side of it"
             )
     if (samples := sum(len(recording.time) for recording in recordings)) < MIN_SAMPLES:
         raise ValueError(f"recordings: {samples} samples are fewer than the {MIN_SAMPLES} needed")
