@@ -183,11 +183,6 @@ class Input(Immutable):
                 evaluated[inside] = self._splines[k](moments)
         return evaluated
 
-    def last_sample(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Return the last sample at or before each time, NaN if it is missing."""
-        row = np.searchsorted(self.time, np.asarray(time, float), side="right") - 1
-        return np.where(row < 0, np.nan, self.values[np.maximum(row, 0)])
-
     def mean_around(self, time: ArrayLike, width: float) -> NDArray[np.float64]:
         """Average the input over an interval of `width` seconds centred at each time.
 

@@ -6,7 +6,7 @@ of the spectrum that residuals have. Number of terms, errors and forecasts are a
 that were left out of the fit.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -24,14 +24,13 @@ from galloping.identification.likelihood.elimination import (
 )
 from galloping.identification.likelihood.fluctuation import fit_fluctuations
 from galloping.identification.likelihood.further_modes import find_further_modes
-from galloping.identification.likelihood.shooting import ShootingData, ShootingFit
+from galloping.identification.likelihood.shooting import ShootingFit
 from galloping.identification.likelihood.verdict import assess_approximation
 from galloping.identification.likelihood.weak_constraint import (
     StretchFit,
     coloured_misfit,
     shorten_until_integrable,
     white_autocovariance,
-    white_misfit,
 )
 from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, NotConvergedError, attempt
 from galloping.identification.observations import Code, Finding
@@ -46,8 +45,6 @@ from galloping.passes import passing
 SYSTEMATIC_FACTOR = 2.0
 # Least share of a part in the information on a direction. Smaller ones are rounding.
 MIN_INFORMATION_SHARE = 1e-9
-
-MisfitOf = Callable[[ShootingData, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -182,36 +179,20 @@ def as_identified(
 
 
 def _search_approximation(start: ShootingFit, penalty: float) -> Approximation | NoModel:
-    """Search the smallest of several models that forecast, or means of fluctuating coefficients.
-
-    The misfit is modelled as coloured noise and, if no such model predicts stretches that were left
-    out, as white noise: the spectrum of a growing motion, or of few stretches, is poorly known.
-    """
+    """Search the smallest of several models that forecast, or means of fluctuating coefficients."""
     record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     # jumps have a first deviation of a twentieth of each state; each pass estimates it anew
     jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
-    colour = ""
-    outcome: tuple[StretchFit, list[Approximation]] | NoModel = NoModel()
-    for name, misfit_of in (("coloured", coloured_misfit), ("white", white_misfit)):
-        trial = attempt(_fit_with_misfit, first, misfit_of, penalty)
-        if not isinstance(trial, NoModel):
-            colour, outcome = name, trial
-            if max(each.forecast_r2 for each in trial[1]) > 0.0 or is_exhausted():
-                break
-        elif isinstance(outcome, NoModel):
-            outcome = trial
+    outcome = attempt(_fit_two_penalties, first, penalty)
     if isinstance(outcome, NoModel):
         return outcome
     stretch_fit, approximations = outcome
-    best = _fit_fluctuating(stretch_fit, penalty) or _choose_smallest(approximations)
-    return replace(best, path=(f"{colour} misfit", *best.path))
+    return _fit_fluctuating(stretch_fit, penalty) or _choose_smallest(approximations)
 
 
-def _fit_with_misfit(
-    first: StretchFit, misfit_of: MisfitOf, penalty: float
-) -> tuple[StretchFit, list[Approximation]]:
+def _fit_two_penalties(first: StretchFit, penalty: float) -> tuple[StretchFit, list[Approximation]]:
     """Fit the whole library, and the models of two penalties, many times that of exact models.
 
     A wrong model needs stronger evidence: with 7 times the penalty, nearly the same terms are
@@ -219,13 +200,13 @@ def _fit_with_misfit(
     more than the whole library: the effect of an omitted term is no disturbance. Raises an error of
     NO_MODEL_ERRORS if the first penalty leads to no model; the second may be absent.
     """
-    fit = whole = _iterate_fit(first, misfit_of)
+    fit = whole = _iterate_fit(first)
     approximations: list[Approximation] = []
     for factor in (7.0, 25.0):
         if approximations and is_exhausted():
             break
         try:
-            fit = _iterate_fit(fit, misfit_of, factor * penalty, whole.jump)
+            fit = _iterate_fit(fit, factor * penalty, whole.jump)
             if not fit.support.any():
                 raise NotConvergedError(Code.NO_TERM)
             validated = _cross_validate(fit, factor * penalty)
@@ -272,7 +253,6 @@ def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation | None:
 
 def _iterate_fit(
     fit: StretchFit,
-    misfit_of: MisfitOf,
     price: float | None = None,
     most_jump: np.ndarray | None = None,
 ) -> StretchFit:
@@ -301,7 +281,10 @@ def _iterate_fit(
         if most_jump is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
-        unchanged, misfit = np.array_equal(support, fit.support), misfit_of(record, linear.residual)
+        unchanged, misfit = (
+            np.array_equal(support, fit.support),
+            coloured_misfit(record, linear.residual),
+        )
         if price is not None:
             # averaged: otherwise the fit and the covariance of its residuals may alternate
             misfit = (misfit + fit.misfit) / 2.0
