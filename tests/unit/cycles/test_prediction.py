@@ -43,11 +43,13 @@ def exact(speed):
 
 @pytest.mark.parametrize(
     ("values", "ends"),
-    [([2.0, np.inf, -0.0], [0.0, np.inf]), ([2.0, np.nan], [np.nan] * 2), ([2.0], [np.nan] * 2)],
+    [
+        ([2.0, np.inf, -0.0] * 7, [0.0, np.inf]),
+        ([2.0, np.nan] * 10, [np.nan] * 2),
+        ([2.0, 3.0] * 9, [np.nan] * 2),
+    ],
 )
-def test_an_interval_holds_all_draws_and_one_draw_or_a_draw_without_a_value_leaves_none(
-    values, ends
-):
+def test_an_interval_holds_all_draws_and_few_draws_or_one_without_a_value_leave_none(values, ends):
     np.testing.assert_array_equal(interval_of_draws(values), ends)
 
 

@@ -36,7 +36,7 @@ from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant_family
 from galloping.cycles.limit_cycles import find_cycle_from_motion, find_cycles_at
-from galloping.cycles.prediction import MIN_INTERVAL_DRAWS, cycle_intervals, find_nearby_cycles
+from galloping.cycles.prediction import cycle_intervals, find_nearby_cycles
 from galloping.cycles.settling import Pace, Settled, estimate_missing_sizes, settle_in_periods
 from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
@@ -355,7 +355,7 @@ def _find_onsets(
             beyond = np.inf if is_above_range else -np.inf
             samples.append(min(others, key=lambda v: abs(v - value), default=beyond))
         frequency = hopf.point.stability.critical()[0] / (2 * np.pi)
-        ends = interval_of_draws(samples, MIN_INTERVAL_DRAWS)
+        ends = interval_of_draws(samples)
         yield Onset(Value.of(value, ends), float(frequency), is_growing_above)
 
 
@@ -417,7 +417,7 @@ def _describe_equilibrium(ensemble: _Ensemble, rest: np.ndarray, size: np.ndarra
             drawn_values.append(eigenvalues[order])
 
     def with_interval(value: float, draws: Sequence[float] | np.ndarray) -> Value:
-        return Value.of(value, interval_of_draws(draws, MIN_INTERVAL_DRAWS))
+        return Value.of(value, interval_of_draws(draws))
 
     order = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
     shares = np.abs(vectors[np.ix_(rows, order)]) / size[rows, np.newaxis]

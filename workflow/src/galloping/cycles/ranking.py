@@ -141,7 +141,7 @@ def with_measure(
             for each in (centre, *(places(orbit.states) for orbit in orbits))
         )
         room = least, *interval_of_draws(others)
-        v, w, *_ = zip(half, *cycle_intervals(orbits, len(STATES), 2)[:, :-1], strict=True)
+        v, w, *_ = zip(half, *cycle_intervals(orbits, len(STATES))[:, :-1], strict=True)
     wind = critical, *interval_of_draws(critical_winds(line, scaled))
     numbers = {
         "critical_wind_m_s": wind,

@@ -9,6 +9,7 @@ QUANTILES_90 = (0.05, 0.95)  # ends of a 90 % interval
 QUANTILES_95 = (0.025, 0.975)  # ends of a 95 % interval
 NORMAL_95 = 1.959963984540054  # half width of a 95 % interval, in standard deviations
 MODEL_DRAWS = 39  # number of drawn models: their extremes are then an unbiased 95 % interval
+MIN_INTERVAL_DRAWS = MODEL_DRAWS / 2  # smallest number of drawn models of which an interval is made
 # Smallest |coefficient|, relative to its bound, of terms that the penalty 2 ln N selects reliably.
 MIN_IDENTIFIABLE_RATIO = 7.6
 
@@ -49,7 +50,7 @@ def covariance_root(covariance: np.ndarray) -> np.ndarray:
 
 
 def interval_of_draws(
-    values: Sequence[float] | Sequence[np.ndarray] | np.ndarray, fewest: float = 2
+    values: Sequence[float] | Sequence[np.ndarray] | np.ndarray, fewest: float = MIN_INTERVAL_DRAWS
 ) -> np.ndarray:
     """Return minimum and maximum of random draws of an estimate as its 95 % interval.
 

@@ -281,10 +281,8 @@ def _iterate_fit(
         if most_jump is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(most_jump) / np.diag(jump)))
             jump = jump * np.outer(share, share)
-        unchanged, misfit = (
-            np.array_equal(support, fit.support),
-            coloured_misfit(record, linear.residual),
-        )
+        unchanged = np.array_equal(support, fit.support)
+        misfit = coloured_misfit(record, linear.residual)
         if price is not None:
             # averaged: otherwise the fit and the covariance of its residuals may alternate
             misfit = (misfit + fit.misfit) / 2.0
