@@ -22,7 +22,12 @@ from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.cycles.settling import SPAN_WATCH, settle
 from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.model.intervals import MIN_INTERVAL_DRAWS, draw_normal, interval_of_draws
+from galloping.model.intervals import (
+    MIN_INTERVAL_DRAWS,
+    MODEL_DRAWS,
+    draw_normal,
+    interval_of_draws,
+)
 from galloping.model.polynomial import Exponents, PolynomialModel, linear_term, velocity_pairs
 from galloping.passes import passing
 from galloping.trajectory.simulation import Simulator
@@ -30,7 +35,7 @@ from galloping.trajectory.simulation import Simulator
 # Simulations that end near enough to a limit cycle for its correction.
 RECORDED_WATCH = SPAN_WATCH.during(2000.0, 200.0)  # of the model at the recorded wind speed
 FORECAST_WATCH = SPAN_WATCH.during(1500.0, 50.0)  # of an identified model, from an initial state
-CORRECTION_TOLERANCE = 1e-3  # last correction, in steps: the error is about its square
+CORRECTION_TOLERANCE = 1e-4  # last correction, in steps: the error is about its square
 # Shares of a change of model at which limit cycles are followed: at once, or in steps.
 CHANGE_SHARES = (1.0,), (0.25, 0.5, 0.75, 1.0)
 MAX_CYCLE_SIZE = 5.0  # largest size of an orbit, in sizes of that at the recorded wind speed

@@ -46,18 +46,6 @@ def _solve(
     keys = np.column_stack([targets, np.packbits(supports, axis=1)])
     _, first, where = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     targets, supports = targets[first], supports[first]
-    coefficients = np.empty(supports.shape)
-    # supports of similar sizes together, since each is padded to the largest
-    order = np.argsort(supports.sum(axis=1), kind="stable")
-    for group in np.array_split(order, 1 + len(order) // 64):
-        coefficients[group] = _solve_padded(gram, moments, targets[group], supports[group])
-    return coefficients[where.ravel()]
-
-
-def _solve_padded(
-    gram: np.ndarray, moments: np.ndarray, targets: np.ndarray, supports: np.ndarray
-) -> np.ndarray:
-    """Solve as `_solve`, in systems as large as the largest support."""
     size = int(supports.sum(axis=1).max())
     terms = np.argsort(~supports, axis=1, kind="stable")[:, :size]  # those of the support first
     masks = np.take_along_axis(supports, terms, axis=1).astype(float)
@@ -71,7 +59,7 @@ def _solve_padded(
     coefficients = np.zeros(supports.shape)
     solved = np.linalg.solve(systems, right[..., np.newaxis])[..., 0]
     np.put_along_axis(coefficients, terms, solved, axis=1)
-    return coefficients
+    return coefficients[where.ravel()]
 
 
 def refit(library: np.ndarray, targets: np.ndarray, supports: np.ndarray) -> np.ndarray:
