@@ -140,7 +140,7 @@ def test_measures_change_the_line_as_the_derivation_does():
 def test_ranking():
     design = Design(12.0, START, (0.0, 8.0), limit=3.0)
     parts = derive_parts(RESONANT)
-    draws = parts.values * (1 + 0.002 * np.random.default_rng(3).normal(size=(19, 1)))
+    draws = parts.values * (1 + 0.002 * np.random.default_rng(3).normal(size=(MODEL_DRAWS, 1)))
     bare = edited(spacers__mass=0.0, spacers__positions=[])
     assert len(typical_measures(bare)) == len(typical_measures(RESONANT)) - 2
     chosen = [m for m in typical_measures(RESONANT) if "ice" in m.label or "damper" in m.label]
