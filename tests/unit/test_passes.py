@@ -2,6 +2,8 @@
 
 import doctest
 import io
+import platform
+import subprocess
 import sys
 
 import numpy as np
@@ -104,3 +106,21 @@ def test_linear_algebra_has_one_thread_and_gives_the_others_back():
         galloping.maximum_likelihood(RECORDING, TERMS)
         assert blas_threads() == before
     assert seen and set.union(*seen) == {1}
+
+
+MEMORY = """
+import resource, numpy as np
+from galloping.memory import keep_freed_memory
+keep_freed_memory()
+for _ in range(50):
+    arrays = [np.ones(10**5) for _ in range(20)]
+    del arrays
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt * resource.getpagesize())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of another C library")
+def test_memory_of_freed_arrays_is_kept():
+    """Otherwise the system would clear all memory that was allocated, 16 MB fifty times."""
+    done = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, check=True)
+    assert int(done.stdout) < 50 * 16e6 / 4
