@@ -125,22 +125,17 @@ class CaseSection(
             if position >= self.line.span:
                 text = f"{show(position)} is beyond the span ({span} m); must be > 0 and < {span} m"
                 raise make_error(text, "spacers", "positions")
-        if text := self.describe_slackness(self.line.tension, self.line.span):
+        weight, tension = self.conductor.mass * self.gravity, self.line.tension
+        sag = weight * self.line.span**2 / (8 * tension)
+        if sag > MAX_SAG_RATIO * self.line.span:
+            text = (
+                f"a tension of {show(tension)} N gives a sag of {sag:.4g} m in a span of {span} m, "
+                "which is no shallow cable; the tension must be >= "
+                f"{weight * self.line.span / (8 * MAX_SAG_RATIO):.4g} N, or the span "
+                f"<= {8 * MAX_SAG_RATIO * tension / weight:.4g} m"
+            )
             raise make_error(text, "line", "tension")
         return self
-
-    def describe_slackness(self, tension: float, span: float) -> str:
-        """Describe why the line is no shallow cable at a tension (N) and span (m), "" if it is."""
-        weight = self.conductor.mass * self.gravity
-        sag = weight * span**2 / (8 * tension)
-        if sag <= MAX_SAG_RATIO * span:
-            return ""
-        return (
-            f"a tension of {show(tension)} N gives a sag of {sag:.4g} m in a span of {show(span)} "
-            "m, which is no shallow cable; the tension must be >= "
-            f"{weight * span / (8 * MAX_SAG_RATIO):.4g} N, or the span "
-            f"<= {8 * MAX_SAG_RATIO * tension / weight:.4g} m"
-        )
 
 
 def paper_cases() -> dict[str, CaseSection]:
