@@ -185,6 +185,7 @@ def _draw_rivals(problem: Problem, regression: Regression, posterior: Plausible)
     share = float(weights.sum())
     if share < MISS_RATE:
         return {}
+    # most rivals are drawn several times
     fit_once = cache(lambda k: _fit_rival(regression, posterior.supports[1 + k]))
     for k in rng.choice(len(weights), RIVALS, p=weights / share):
         best, root = fit_once(k)

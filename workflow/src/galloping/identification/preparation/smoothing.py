@@ -100,10 +100,11 @@ def shortest_period(recordings: list[Recording]) -> float:
 
 
 def _until_settled(signal: np.ndarray) -> np.ndarray:
-    """Return twice the part of a signal in which it settles; all of it if it does not, or late.
+    """Return the beginning of a signal, twice as long as the signal takes to settle.
 
-    The part contains 99 % of the squares of the motion about the last half, which is noise alone.
-    The window of a spectrum of all would hide a motion that settles soon.
+    It has settled once 99 % of the squared motion has passed, if the last half is noise alone.
+    Otherwise the signal is returned whole. A window over the whole signal would hide a motion that
+    settles early.
     """
     late = signal[len(signal) // 2 :]
     noise = np.var(late)
