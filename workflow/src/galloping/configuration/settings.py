@@ -2,6 +2,7 @@
 # mypy: disable-error-code="misc"
 # (`keys` makes the base classes of sections when this module is imported)
 
+from collections.abc import Sequence
 from inspect import signature
 from itertools import pairwise, product
 from math import inf
@@ -350,6 +351,24 @@ def _default_sweeps() -> dict[str, SweepSection]:
     return {"wind": SweepSection(), "resonance": SweepSection(values=(4, 24, 2), **second)}
 
 
+def _check_changed_case(
+    case: CaseSection, changes: Sequence[tuple[str, str, float]], sweep: str
+) -> None:
+    """Raise a pydantic error, under the key of a sweep, if a case is invalid with other values.
+
+    changes: the parameters of the sweep, each with the sweep's key of its values, and a value.
+    """
+    changed = case.model_dump()
+    for parameter, key, value in changes:
+        changed = PARAMETERS[parameter].at(changed, value)
+        try:
+            CaseSection.model_validate(changed)
+        except ValidationError as error:
+            fault = error.errors(include_url=False)[0]["msg"]
+            text = f"{show(value)} as {parameter}: {fault[:1].lower()}{fault[1:]}"
+            raise make_error(text, "sweeps", sweep, key) from None
+
+
 class Settings(
     keys(
         "study",
@@ -371,19 +390,13 @@ class Settings(
     @model_validator(mode="after")
     def _check_swept_cases(self) -> Self:
         for (name, sweep), case in product(self.sweeps.items(), self.cases.values()):
-            swept = [(sweep.parameter, "values")]
+            ends = [[(sweep.parameter, "values", end) for end in sweep.values[:2]]]
             if sweep.second:
-                swept.append((sweep.second, "second_values"))
-            for ends in product(*(getattr(sweep, key)[:2] for _, key in swept)):
-                changed = case.model_dump()
-                for (parameter, key), end in zip(swept, ends, strict=True):
-                    changed = PARAMETERS[parameter].at(changed, end)
-                    try:
-                        CaseSection.model_validate(changed)
-                    except ValidationError as error:
-                        fault = error.errors(include_url=False)[0]["msg"]
-                        text = f"{show(end)} as {parameter}: {fault[:1].lower()}{fault[1:]}"
-                        raise make_error(text, "sweeps", name, key) from None
+                ends.append(
+                    [(sweep.second, "second_values", end) for end in sweep.second_values[:2]]
+                )
+            for changes in product(*ends):
+                _check_changed_case(case, changes, name)
         return self
 
     @field_validator("results")

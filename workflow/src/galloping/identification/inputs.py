@@ -54,7 +54,7 @@ def checked_recordings(recordings: object) -> list[Recording]:
         if len(steps) and np.mean(steps) > MAX_MEAN_STEP * np.median(steps):
             raise ValueError(
                 f"recordings: item {i} has a gap of {steps.max():.4g} s between samples "
-                f"{np.median(steps):.4g} s apart; must be a recording for each side of it"
+                f"{np.median(steps):.4g} s apart; must be two recordings, before and after it"
             )
     if (samples := sum(len(recording.time) for recording in recordings)) < MIN_SAMPLES:
         raise ValueError(f"recordings: {samples} samples are fewer than the {MIN_SAMPLES} needed")

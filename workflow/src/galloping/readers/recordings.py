@@ -119,7 +119,7 @@ def _mode_weights(channels: list[Channel], span: float | None) -> np.ndarray:
     modes = np.sin(np.pi * np.outer(places, np.arange(1, len(places) + 1)))
     if np.linalg.cond(modes) > 1e3:
         at = ", ".join(f"{channel.position:g}" for channel in channels)
-        raise ValueError(f"channels: sensors at {at} m do not tell {len(places)} modes apart")
+        raise ValueError(f"channels: sensors at {at} m cannot separate {len(places)} modes")
     return np.linalg.inv(modes)[0]
 
 

@@ -186,7 +186,7 @@ NO_REFERENCE = "no reference"
 # reasons for differences of a table, if settings or processors differ
 REASONS = {
     SETTINGS: "settings differ: numbers are expected to differ",
-    PROCESSOR: "processors differ: so may numbers where the data cannot tell models apart",
+    PROCESSOR: "processors differ: numbers may differ where the data fit several models",
 }
 
 DIFFERENCE_COLUMNS = ("table", *COLUMNS, "verdict")

@@ -83,7 +83,7 @@ def starts_at_equilibria(start: Start) -> Iterator[tuple[str, Start]]:
             for one in start.smoothed
         ]
         fit = weak_fit(problem, curves, start.penalty)
-        name = f"rest {k} of {len(offsets)}"
+        name = f"equilibrium {k} of {len(offsets)}"
         yield name, replace(start, problem=problem, smoothed=curves, fit=fit)
 
 
