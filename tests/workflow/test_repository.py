@@ -112,6 +112,28 @@ def test_modules_and_packages_have_names_of_their_own_and_at_most_500_lines_of_c
     assert longer == ["taylor"]  # whose compiled functions numba wants in one file
 
 
+def test_compiled_functions_with_relaxed_arithmetic_have_no_constant_powers():
+    """numba compiles `x ** 2` once in a process, with the options of the function that is compiled
+    first: how a sum of such squares is rounded would depend on what was compiled before.
+    """
+    functions = [
+        node
+        for path in SOURCE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+        and any("fastmath" in ast.unparse(each) for each in node.decorator_list)
+    ]
+    powers = [
+        f"{function.name}: {ast.unparse(node)}"
+        for function in functions
+        for node in ast.walk(function)
+        if isinstance(node, ast.BinOp)
+        and isinstance(node.op, ast.Pow)
+        and isinstance(node.right, ast.Constant)
+    ]
+    assert functions and not powers
+
+
 HEAVY = {"numpy", "scipy", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}
 
 

@@ -216,7 +216,8 @@ def _move_lanes(values, rows, columns, lower, last, start, step, true, first):
     for n in range(len(true)):
         for i in range(2):
             for lane in range(LANES):
-                squares[i, lane] += (x[i, lane] - true[n, i]) ** 2
+                error = x[i, lane] - true[n, i]
+                squares[i, lane] += error * error
         if n >= first:
             least, most = np.minimum(least, x[:2]), np.maximum(most, x[:2])
         if n == len(true) - 1:

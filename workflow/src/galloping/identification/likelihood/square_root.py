@@ -5,7 +5,8 @@ segment on the coefficients is a small part of that on its state, and rounding w
 (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977.)
 
 Compiled functions that call each other are in one module, for a cached one notices edits of its own
-module alone.
+module alone. Squares are products: numba would compile `x ** 2` with the options of the function
+that is compiled first, and rounding would depend on what was compiled before.
 """
 
 import numpy as np
@@ -44,7 +45,7 @@ def _rotate_rows(rows, first, n, n_states):
         for c in range(n, n + n_states):
             top, squares = first[g] + c - n, 0.0
             for r in range(top, first[g + 1]):
-                squares += rows[r, c] ** 2
+                squares += rows[r, c] * rows[r, c]
             if squares == 0.0:
                 continue
             size, head = np.sqrt(squares), rows[top, c]
