@@ -14,6 +14,7 @@ from galloping.identification.problem import Problem, make_problem
 from galloping.model.functions import Function, n_exponents
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording
+from galloping.recording.shared_rows import find_shared_rows
 
 MAX_CANDIDATES = 600  # most terms of all equations: exchanges of three then fit in memory
 MIN_SAMPLES = 100  # least number of samples: with fewer, noise may look like an oscillation
@@ -26,7 +27,7 @@ def checked_recordings(recordings: object) -> list[Recording]:
     """Check one recording or several, and return them as a list.
 
     Raises ValueError if there are none, or if they are not recordings, differ in their states,
-    are too short, or consist mostly of gaps.
+    are too short, consist mostly of gaps, or share samples, which would count twice.
     """
     requirement = "must be a Recording, or a list of recordings of one system"
     if isinstance(recordings, Recording):
@@ -58,7 +59,19 @@ def checked_recordings(recordings: object) -> list[Recording]:
             )
     if (samples := sum(len(recording.time) for recording in recordings)) < MIN_SAMPLES:
         raise ValueError(f"recordings: {samples} samples are fewer than the {MIN_SAMPLES} needed")
+    if shared := find_shared_rows([_all_samples(recording) for recording in recordings]):
+        first, second, row = shared
+        raise ValueError(
+            f"recordings: samples {row} and those after it of item {second} are also in item "
+            f"{first}; must be there once"
+        )
     return list(recordings)
+
+
+def _all_samples(recording: Recording) -> np.ndarray:
+    return np.column_stack(
+        [each for each in (recording.values, recording.rates) if each is not None]
+    )
 
 
 def validated_problem(

@@ -7,7 +7,6 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.arrays import finest_step
 from galloping.fields import list_first
@@ -39,6 +38,7 @@ from galloping.readers.units import (
     state_unit,
 )
 from galloping.recording.samples import Input
+from galloping.recording.shared_rows import find_shared_rows
 
 MISSING_CODES = (  # values of either sign that loggers write for missing samples
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
@@ -50,9 +50,6 @@ MIN_STUCK_RATIO = 20  # length of a run of one value of a stuck sensor over near
 JOINT_REST_SHARE = 0.9
 MAX_REST_SPEED = 0.35  # speed over the usual speed of a motion that comes to rest or begins
 CORRELATION_MARGIN = 1e-9  # largest 1 - correlation of two copies of a channel
-# rows in a block that two recordings do not share by chance, and most distinct values of each of
-# its columns with which they may
-BLOCK_ROWS, MAX_CHANCE_VALUES = 20, 5
 MAX_WRAP_RATIO = 4.0  # step of an angle over the end of a turn, over its largest other step
 FULL_TURNS = {"rad": (2.0 * np.pi,), "1": (360.0, 2.0 * np.pi)}  # full turns by unit of an angle
 COLUMN_HINTS = {  # hints on a missing column, by its kind
@@ -256,22 +253,13 @@ def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray
 
 
 def check_no_shared_rows(series: Sequence[Series]) -> None:
-    """Check that no file repeats BLOCK_ROWS consecutive rows of another file.
-
-    Raises FileError if one does. Blocks of rows in which no column has more than MAX_CHANCE_VALUES
-    different values are ignored.
-    """
-    series_by_block: dict[bytes, Series] = {}
-    for one in series if len(series) > 1 else ():
-        blocks = sliding_window_view(one.values, BLOCK_ROWS, axis=0)
-        for k, block in enumerate(blocks):
-            other = series_by_block.get(block.tobytes())
-            if other and max(len(np.unique(column)) for column in block) > MAX_CHANCE_VALUES:
-                raise FileError(
-                    f"{one.path}: row {one.rows[k]} and those after it are also in {other.path}: "
-                    "a recording counts once"
-                )
-        series_by_block |= {block.tobytes(): one for block in blocks[::BLOCK_ROWS]}
+    """Check that no file repeats rows of another file; raise FileError if one does."""
+    if shared := find_shared_rows([one.values for one in series]):
+        first, second, row = shared
+        raise FileError(
+            f"{series[second].path}: row {series[second].rows[row]} and those after it are also in "
+            f"{series[first].path}: a recording counts once"
+        )
 
 
 def _find_stuck(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
