@@ -76,9 +76,10 @@ def test_with_the_wind_recorded_the_model_holds_at_other_winds(tmp_path):
     assert IdentifiedModel.load(model).status == "ok"
     summary = (gusts / "summary.md").read_text(encoding="utf-8")
     assert "input U is not known for" in summary and "U, its mean" in summary
+    assert "From a speed below the mean of U, 12 m/s." in summary
     figure = gusts / "winds.png"
     rows = json.loads(run("assess", model, "--at", "U=4:14:5", "--json", "--figure", figure))
-    assert figure.read_bytes()[:4] == b"\x89PNG" and figure.with_suffix(".svg").exists()
+    assert figure.read_bytes()[:4] == b"\x89PNG" and "amplitude, m" in figure.with_suffix(".svg").read_text()
     for wind in (9.0, 14.0):
         line = derive(wind={"speed": wind})
         true = settle(Simulator(line.states, line.terms), line, [0.2, 0.1, 0, 0]).half_range

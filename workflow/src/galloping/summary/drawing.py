@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 DPI, FONT_SIZE = 150, 8
 ROW_HEIGHT = 1.7  # inches
 MAX_LABEL_LETTERS = 26  # letters of a label along the height of a row
+MAX_TITLED_LABEL_LETTERS = 18  # the same, if panels have titles
 ENVELOPE_POINTS = 1500  # points of an envelope, more than a figure has pixels
 SPECTRUM_SEGMENTS = 6  # segments of a recording whose spectra are averaged
 SPECTRUM_DECADES = 6  # plotted decades of a spectrum
@@ -73,7 +74,7 @@ def draw_quality(
         motion_axes.plot(*_envelope(time, values), color=MODEL_COLOR, lw=0.5)
         for gap in gaps:
             motion_axes.axvspan(*gap, color=BAND, lw=0, label="gap")
-        motion_axes.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
+        motion_axes.set(ylabel=fill(label, MAX_TITLED_LABEL_LETTERS), xlim=(time[0], time[-1]))
         is_finite = np.isfinite(values)
         frequency, share = spectrum(
             time[is_finite], values[is_finite], float(np.median(np.diff(time)))
@@ -179,7 +180,7 @@ def draw_forecast(
                   zorder=3, label="forecast, median")  # fmt: skip
         low, high = ahead.low[is_shown, k], ahead.high[is_shown, k]
         parts.band(axes, ahead.time[is_shown], low, high, "90 % of samples", ec=BAND_EDGE, lw=0.4)
-        axes.axvline(begin, **MARK_STYLE, label="begin of the forecast")
+        axes.axvline(begin, **MARK_STYLE, label="start of the forecast")
     parts.legend(figure)
     return figure
 
@@ -206,7 +207,9 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
             values = [cycle.half_range[state] for _, cycle in chain]
             y, low, high = np.array([(v.value, v.low, v.high) for v in values]).T
             stable = chain[0][1].stable
-            look = {"label": "stable"} if stable else {"label": "unstable", "mfc": "white"}
+            look = (
+                {"label": "stable cycle"} if stable else {"label": "unstable cycle", "mfc": "white"}
+            )
             axes.plot(
                 x,
                 y,
@@ -220,7 +223,7 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
             parts.band(axes, x, low, high, "95 % interval", ec=BAND_EDGE, lw=0.4)
         unit = units.get(name, "")
         axes.set(xlabel=f"{name}, {unit}" if unit else name, xlim=assessment.span,
-                 ylabel=f"half range of {_format_label(state)}")  # fmt: skip
+                 ylabel=", ".join(filter(None, ("amplitude", plain_unit(state)))))  # fmt: skip
         axes.set_ylim(bottom=0.0)
     parts.legend(figure)
     return figure
