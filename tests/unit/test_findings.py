@@ -78,6 +78,17 @@ def test_what_weighs_more_is_said_first_and_once():
     assert explain([least, more], True, words=HELPS) == explain([more], True)
 
 
+def test_advice_is_given_once_and_is_no_recording_that_gives_no_equations():
+    repeats, rivals = finding_kinds()[Code.MOTION_REPEATS], finding_kinds()[Code.RIVAL_TERMS]
+    assert repeats.advice.startswith(rivals.advice)
+    failed, line = Finding.of(Code.ITERATION_DIVERGES), (Code.RESIDUAL_LINE, "q_v")
+    ((_, advice),) = explain([failed], True, words=HELPS)
+    assert "steady motion" not in advice  # a limit cycle has the motion of many equations
+    tone = Finding.of(*line, frequency_hz=1.07, band=1.2, chi2=1.1)
+    ((meaning, _),) = explain([*as_warnings([failed]), tone], True, words=HELPS)
+    assert "at 1.07 Hz" in meaning
+
+
 # Lines that compare, search, split, edit or branch on a rendered sentence.
 READS_PROSE = re.compile(
     r"\b(if|or|and|in|not|==|!=) [\w.]+(\.(reason|verdict)\b|\[.(reason|what).\])"

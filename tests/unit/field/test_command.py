@@ -79,7 +79,10 @@ def test_with_the_wind_recorded_the_model_holds_at_other_winds(tmp_path):
     assert "From a speed below the mean of U, 12 m/s." in summary
     figure = gusts / "winds.png"
     rows = json.loads(run("assess", model, "--at", "U=4:14:5", "--json", "--figure", figure))
-    assert figure.read_bytes()[:4] == b"\x89PNG" and "amplitude, m" in figure.with_suffix(".svg").read_text()
+    assert (
+        figure.read_bytes()[:4] == b"\x89PNG"
+        and "amplitude, m" in figure.with_suffix(".svg").read_text()
+    )
     for wind in (9.0, 14.0):
         line = derive(wind={"speed": wind})
         true = settle(Simulator(line.states, line.terms), line, [0.2, 0.1, 0, 0]).half_range

@@ -142,11 +142,11 @@ def test_a_model_whose_motion_lasts_where_the_recorded_one_dies_out_is_refused()
 @pytest.mark.parametrize(
     ("estimate", "said"),
     [
-        (Estimate(0.42048034, 0.420452, 0.420498, "Hz"), "0.4205 Hz (narrower than 0.0001)"),
+        (Estimate(0.42048034, 0.420452, 0.420498, "Hz"), "0.4205 Hz (narrower than 0.0001 Hz)"),
         (Estimate(2.00017, 1.99899, 2.00168), "2.000 (1.999 to 2.002)"),
         (Estimate(2.0001e-6, 1.9990e-6, 2.0017e-6, "m"), "2.000e-06 m (1.999e-06 to 2.002e-06)"),
         (Estimate(2000173.0, 1998999.0, 2001678.0), "2.000e+06 (1.999e+06 to 2.002e+06)"),
-        (Estimate(1.5894001, 1.5894000, 1.5894002, "Hz"), "1.589 Hz (narrower than 0.001)"),
+        (Estimate(1.5894001, 1.5894000, 1.5894002, "Hz"), "1.589 Hz (narrower than 0.001 Hz)"),
         (Estimate(1.5894, 1.5888, 1.5932, "Hz"), "1.589 Hz (1.589 to 1.593)"),
         (Estimate(1.5894, 1.5838, 1.5982, "Hz"), "1.589 Hz (1.584 to 1.598)"),
         (Estimate(16.0, 12.0, 20.0, "s"), "16 s (12 to 20)"),

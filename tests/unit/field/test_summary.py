@@ -8,6 +8,8 @@ import pytest
 
 import galloping
 from galloping.behaviour.dynamics import Surroundings, Value, dynamics
+from galloping.summary.numbers import compute_numbers
+from galloping.summary.wording import _beyond_recorded
 
 pytestmark = pytest.mark.xdist_group("summary")
 
@@ -100,7 +102,7 @@ NONE = (0.0, -0.003, 0.003)
         ((NONE, NONE), "rest", "The motion dies out, by friction or by terms of higher degree"),
         ((NONE, DIES), "cycle", "**Whether small vertical motions grow or die out is not known**"),
         ((GROWS, UNSURE), "cycle", "**As recorded, the line gallops.** Small motions grow: vert"),
-        ((GROWS, GROWS), "diverged", "How far it grows is unknown: in simulation the motion"),
+        ((GROWS, GROWS), "diverged", "How far the motion grows is unknown: in simulation it"),
     ],
 )  # fmt: skip
 def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind, said):
@@ -120,6 +122,25 @@ def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
     assert "the amplitude is constant, as far as the samples show" in text
     assert "net damping |" not in text
     assert "| vertical displacement, dominant frequency | 0.39 Hz" in text
+
+
+def test_a_mode_that_keeps_any_amplitude_is_on_no_limit_cycle(summary):
+    values = {"q_v": Value(*NONE), "q_w": Value(*DIES)}
+    known = replace(summary.dynamics, damping=values)
+    assert "settles on a limit cycle" in str(replace(summary, dynamics=known))
+    known = replace(known, period=None)
+    assert "amplitude of the limit cycle" not in str(replace(summary, dynamics=known))
+
+
+def test_a_limit_cycle_beyond_the_recorded_motion_is_noted_for_any_sensor(summary):
+    omega = {n: 2 * np.pi * f.value for n, f in summary.dynamics.frequencies.items()}
+    half = {name: Value(0.5) for name in omega}
+    numbers = compute_numbers(replace(summary, dynamics=replace(summary.dynamics, half_range=half)))
+    for order, prefix in enumerate(("", "d", "dd")):
+        size = 0.25 * omega["q_v"] ** order
+        recorded = replace(numbers.recorded[0], name=f"{prefix}q_v", low=-size, high=size)
+        (note,) = _beyond_recorded(replace(numbers, recorded=(recorded,)))
+        assert note == "2 times the recorded vertical amplitude"
 
 
 def test_an_interval_of_draws_holds_its_value():

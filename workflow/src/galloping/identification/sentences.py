@@ -28,8 +28,8 @@ def explain(
     is_verdict: whether to explain the findings that affect the status, or the others. is_span:
     whether to use the phrases in <> of `findings.csv` before a bar, or those behind it. words:
     phrases that several rows share, by their names there. units: name and unit of each subject.
-    Returns pairs of meaning and advice, either of which may be ''. The last row, that the model is
-    inadequate, is used if there is no other.
+    Returns pairs of meaning and advice, either of which may be ''. Two meanings, that the model is
+    inadequate and that a search found none, are used if there is no other.
     """
     side, texts = 0 if is_span else 1, list[tuple[str, str]]()
     for finding in _sort_by_weight(findings) if is_verdict else findings:
@@ -42,8 +42,8 @@ def explain(
         meaning = _fill_template(kind.meaning, side, values)
         texts.append((meaning, _fill_template(kind.advice, side, values)))
     distinct = [pair for pair in dict.fromkeys(texts) if any(pair)]
-    least = finding_kinds()[Code.RESIDUAL_POWER].meaning
-    return [pair for pair in distinct if pair[0] != least] or distinct
+    least = [finding_kinds()[code].meaning for code in (Code.RESIDUAL_POWER, Code.NOT_FOLLOWED)]
+    return [pair for pair in distinct if pair[0] not in least] or distinct
 
 
 def join_words(parts: Iterable[str]) -> str:

@@ -234,6 +234,12 @@ def is_undamped(known: Dynamics) -> bool:
     return repeats and is_linearly_undamped(known)
 
 
+def keeps_any_amplitude(known: Dynamics) -> bool:
+    """Decide whether a motion repeats with the amplitude of its start, on no limit cycle."""
+    repeats = known.kind == "cycle" and known.period is None
+    return repeats and any(abs(one.value) < MIN_DAMPING_RATIO for one in known.damping.values())
+
+
 def is_linearly_undamped(known: Dynamics) -> bool:
     """Decide whether the damping of all small motions is zero."""
     return all(abs(value.value) < MIN_DAMPING_RATIO for value in known.damping.values())
@@ -250,11 +256,11 @@ def is_damping_undetermined(found: IdentifiedModel, known: Dynamics) -> bool:
 def _estimate_system(
     dynamics: Dynamics, identified: IdentifiedModel | None, units: Mapping[str, str]
 ) -> SystemEstimates:
-    hidden = identified is not None and (
-        identified.has_finding(Code.MOTION_REPEATS) or is_damping_undetermined(identified, dynamics)
-    )
+    repeats = identified is not None and identified.has_finding(Code.MOTION_REPEATS)
+    hidden = repeats or (identified is not None and is_damping_undetermined(identified, dynamics))
     oscillating = [name for name, value in dynamics.frequencies.items() if np.isfinite(value.value)]
-    half_range = {} if is_undamped(dynamics) else dynamics.half_range
+    is_free = is_undamped(dynamics) or (keeps_any_amplitude(dynamics) and not repeats)
+    half_range = {} if is_free else dynamics.half_range
     period = dynamics.period if half_range else None
     unit_texts = shown_units(units)
     return SystemEstimates(

@@ -255,7 +255,7 @@ def _cells(estimate: Estimate) -> tuple[str, str]:
     number, *ends = _at_place((value, low, high), power)
     text = f"{number} {unit}".strip()
     if ends[0] == ends[1]:
-        return text, f"narrower than {10.0**power:g}" if half else ""
+        return text, f"narrower than {10.0**power:g} {unit}".rstrip() if half else ""
     return text, " to ".join(ends)
 
 
@@ -358,10 +358,17 @@ def _doubling(time: Estimate) -> str:
 
 def _beyond_recorded(numbers: SummaryNumbers) -> list[str]:
     """Describe how far a limit cycle exceeds the recorded motion, by coordinate, if it does."""
+    if not (system := numbers.system):
+        return []
     half = {one.name: (one.high - one.low) / 2.0 for one in numbers.recorded}
+    for one in system.small_motions:
+        omega = 2.0 * np.pi * one.natural_frequency.value
+        for rate, order in ((f"d{one.name}", 1), (f"dd{one.name}", 2)):
+            if rate in half:  # of a displacement that was not measured
+                half.setdefault(one.name, half[rate] / omega**order)
     return [
         f"{value.value / half[name]:.2g} times the recorded {_name(name)} amplitude"
-        for name, value in (numbers.system.limit_cycle if numbers.system else {}).items()
+        for name, value in system.limit_cycle.items()
         if half.get(name) and value.value > EXTRAPOLATION_RATIO * half[name]
     ]
 
@@ -408,7 +415,10 @@ def _margin(damping: Value, phase: float, is_of_one_size: bool) -> str:
     width = (damping.high - damping.low) * phase
     is_steady = abs(damping.value) * phase < 1.0 and width < MAX_DAMPING_WIDTH
     if is_steady and is_of_one_size:
-        return "has a constant amplitude, as under a machine or in settled galloping"
+        return (
+            "has a nearly constant amplitude, as near its onset, under a machine or in settled "
+            "galloping"
+        )
     if damping.low > 0.0:
         return f"does not: at least {100 * damping.low:.2g} % of critical damping remains"
     if damping.high < 0.0:
