@@ -132,6 +132,21 @@ def test_a_mode_that_keeps_any_amplitude_is_on_no_limit_cycle(summary):
     assert "amplitude of the limit cycle" not in str(replace(summary, dynamics=known))
 
 
+def test_a_limit_cycle_that_the_motion_leaves_is_noted(summary):
+    """A motion reaches it, since a period-doubling grows by 0.7 % a period."""
+    model = galloping.parse_model(
+        "q_v = dq_v; q_w = dq_w; "
+        "dq_v = -5.70071 q_v + 0.013845 dq_v + 0.6086 q_v^2 - 0.3516 q_v^3 - 0.00318 dq_v^3; "
+        "dq_w = -1.741057 q_w + 0.007498 dq_v - 0.045816 dq_w + 0.5054 q_v q_w"
+    )
+    found = galloping.IdentifiedModel(model, "unjudged", initial_states=np.array([[0.1, 0, 0, 0]]))
+    around = Surroundings(np.zeros(4), np.full(4, -0.5), np.full(4, 0.5))
+    known = dynamics(found, around, np.random.default_rng(0))
+    assert known.kind == "cycle" and not known.is_stable and summary.dynamics.is_stable
+    text = str(replace(summary, dynamics=replace(summary.dynamics, is_stable=False)))
+    assert "approaches a limit cycle" in text and "the motion slowly leaves it." in text
+
+
 def test_a_limit_cycle_beyond_the_recorded_motion_is_noted_for_any_sensor(summary):
     omega = {n: 2 * np.pi * f.value for n, f in summary.dynamics.frequencies.items()}
     half = {name: Value(0.5) for name in omega}

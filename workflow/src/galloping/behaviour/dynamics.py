@@ -149,6 +149,8 @@ class Dynamics(Immutable):
         Amplitude of the limit cycle, by coordinate.
     at : mapping of str to float
         The constant values of the inputs, their means.
+    is_stable : bool
+        Whether motions near the limit cycle approach it; True if there is none.
     """
 
     rest: Mapping[str, Value]
@@ -158,6 +160,7 @@ class Dynamics(Immutable):
     period: Value | None
     half_range: Mapping[str, Value]
     at: Mapping[str, float] = field(default_factory=dict)
+    is_stable: bool = True
 
 
 def dynamics(
@@ -199,6 +202,7 @@ def dynamics(
     return Dynamics(
         rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
         {model.states[i]: Value.of(half[i], ends[:, i]) for i in pairs},
+        is_stable=point.stability.stable,
     )  # fmt: skip
 
 
