@@ -89,14 +89,14 @@ def draw_region(region: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     places = np.arange(len(numbers))
     left.barh(places, 100, label="range tried", **RANGE_STYLE)
     left.barh(
-        places, high - low, left=low, height=0.3, color=style.MODEL_COLOR, label="left by the paper"
+        places, high - low, left=low, height=0.3, color=style.MODEL_COLOR, label="plausible range"
     )
     for y, row in enumerate(numbers.itertuples()):
         unit = "" if row.unit == "1" else f" {row.unit}"
         text = f"{row.low:.2g} to {row.high:.2g}{unit}"
         left.text(103, y, text, va="center", size="small")
     parts.rows(left, [UNKNOWN_LABELS[name] for name in numbers["unknown"]], lines=False)
-    left.set(xlim=(0, 165), xticks=[0, 50, 100], xlabel="% of the range, in equal ratios")
+    left.set(xlim=(0, 165), xticks=[0, 50, 100], xlabel="% of the range tried, logarithmic")
     parts.letter(right, 1, "readings of the paper")
     powers = np.maximum(readings["log10_bayes_factor"].to_numpy(float), MIN_EXPONENT)
     right.axvline(0, color=style.DARK_GREY, lw=0.6)
