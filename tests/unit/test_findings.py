@@ -78,6 +78,11 @@ def test_what_weighs_more_is_said_first_and_once():
     assert explain([least, more], True, words=HELPS) == explain([more], True)
 
 
+def test_a_percent_sign_is_apart_from_its_number_as_in_all_texts():
+    missed = Finding.of(Code.FORECASTS_MISS, "q_v", share=0.105, span_s=22.0)
+    assert sentence_of(missed) == "The error of forecasts over 22 s is 10.5 % of q_v."
+
+
 def test_advice_is_given_once_and_is_no_recording_that_gives_no_equations():
     repeats, rivals = finding_kinds()[Code.MOTION_REPEATS], finding_kinds()[Code.RIVAL_TERMS]
     assert repeats.advice.startswith(rivals.advice)

@@ -55,7 +55,8 @@ def join_words(parts: Iterable[str]) -> str:
 def _fill_template(template: str, side: int, values: Mapping[str, object]) -> str:
     """Fill in a template. side: which of the two phrases in <> is used."""
     text = re.sub("<(.*?)>", lambda match: f"{match[1]}|".split("|")[side], template)
-    return text.format_map(values).replace(" .", ".").replace(" ,", ",")
+    filled = text.format_map(values).replace(" .", ".").replace(" ,", ",")
+    return re.sub(r"(?<=\d)%", " %", filled)
 
 
 class _Unknown:
