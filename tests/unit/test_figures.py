@@ -167,7 +167,9 @@ def test_the_band_of_histories_is_said_and_a_diverged_motion_is_named():
     assert "100 % with noise 0.1" in figure.get_label()  # 2 m wide, as the motion
     assert figure.axes[0].get_xlim() == (90.0, 100.0)
     lost = draw_histories([SWING], {"a": shown(np.nan)}, cells)
-    assert lost.get_label() == "" and "diverge" in lost.axes[0].get_title(loc="left")
+    steady = Reconstruction(T, STATES, STATES, STATES)  # of a single realisation
+    assert draw_histories([SWING], {"a": {"weak": steady}}, cells).get_label() == ""
+    assert lost.get_label() == "" and "diverge or fail" in lost.axes[0].get_title(loc="left")
 
 
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
@@ -261,6 +263,15 @@ def test_an_overview_leaves_out_fits_without_true_coefficients(methods):
     reason = "no noisy recordings of this line have coefficient errors"
     assert written == (["1 of 4: no model"] if "weak" in methods else [reason])
     assert "maximum" not in figure.get_label()
+
+
+def test_a_bound_beyond_the_axis_is_not_drawn_on_it():
+    table = scores((0.001, 0.01, 0.1), methods=("bound",)).assign(**dict.fromkeys(COLUMNS, 1e5))
+    table.loc[table["level"] == 0.001, COLUMNS] = 10.0
+    settings = {"case": "line", "protocol": "state", "label": "noise"}
+    (axes,) = errors.draw_overview(table, settings, NO_PEERS).axes
+    (bound,) = (line for line in axes.lines if len(line.get_xdata()) == 3)
+    assert list(bound.get_ydata()) == [10.0, 1e5, 1e5] and axes.get_ylim()[1] == 1e3
 
 
 def test_an_overview_says_who_errs_least():

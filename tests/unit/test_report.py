@@ -1,6 +1,7 @@
 """The report's page: complete, self-contained, deterministic; its sentences follow the tables."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -51,6 +52,9 @@ def test_the_page_shows_everything_and_escapes_it(page):
     ):  # fmt: skip
         assert shown in html, shown
     assert html == render(page)
+    (figure,) = page["parts"]["paper"]["figures"]
+    figure.path.write_text("<svg/>")  # without a title, the label is shown, its number once
+    assert replace(figure, label="3 flow chart").title == "Figure 3. Flow chart"
 
 
 @pytest.mark.parametrize(
@@ -177,7 +181,7 @@ def test_what_needs_no_figure_is_said():
           "predicted_m": 0.53, "low_m": 0.5, "high_m": 0.6}]
     )  # fmt: skip
     modes = pd.DataFrame(
-        {"line": line, "direction": "vertical", "amplitude_m": amplitude}
+        {"line": line, "direction": "vertical", "amplitude_m": amplitude, "limit_cycle_m": 1.5}
         for line, amplitude in (("two modes", 2.0), ("9 modes", 2.01), ("drag", 1.5))
     )
     first, second = on_engineering({"limit_cycle_ahead": ahead, "reduction": modes}, **about)
@@ -185,6 +189,7 @@ def test_what_needs_no_figure_is_said():
     assert "−25 % (drag), less than 1 % (9 modes)" in second
     diverging = modes.assign(amplitude_m=modes["amplitude_m"].where(modes["line"] != "two modes"))
     assert on_engineering({"reduction": diverging}, **about) == []
+    assert on_engineering({"reduction": modes.assign(limit_cycle_m=1e-9)}, **about) == []
     refused = r2[r2["level"] == 0.15].assign(level=0.1, r2_median=-np.inf)
     assert on_methods({"noise_r2": pd.concat([r2, refused])}, **about) == []
 

@@ -35,7 +35,11 @@ def test_a_study_of_any_kind_has_jobs_for_all_that_it_shows(jobs_of, settings):
     shown = [job["settings"] for job in jobs.values() if "function" in job["settings"]]
     assert shown and all(callable(resolve_name(s["function"]["function"])) for s in shown)
     least = "0.3" in settings  # its lowest noise level
-    assert ("4 motion at the lowest noise" in str(jobs["results/report.html"])) == least
+    page = str(jobs["results/report.html"])
+    assert ("4 motion at the lowest noise" in page) == least
+    has_papers = not any(word in settings for word in ("displacement", "methods", "trials"))
+    assert ("by the paper's method on the first line" in page) == has_papers
+    assert ("by the method ``" in page) == (not has_papers and settings != TRIALS_ALONE)
 
 
 @pytest.fixture

@@ -209,8 +209,12 @@ def trial_function(wildcards):
 
 @cache
 def captions(folder, *names):
-    """Texts of a folder of `workflow/report`, by name."""
+    """Texts of a folder of `workflow/report`, by name, with the method of the paper's figures."""
     files = {name: workflow.source_path(f"../report/{folder}/{name}.rst") for name in names}
     texts = {name: Path(file).read_text(encoding="utf-8") for name, file in files.items()}
     # read from a git host, files come without their last end of line
-    return {name: text.rstrip("\n") + "\n" for name, text in texts.items()}
+    texts = {name: text.rstrip("\n") + "\n" for name, text in texts.items()}
+    if not STUDY.cases:
+        return texts
+    method = shown.paper_method_in_words(STUDY)
+    return {name: text.replace("{method}", method) for name, text in texts.items()}

@@ -54,6 +54,9 @@ def test_diagram():
     tenser = cycles.assign(parameter="tension", value=1e4 * cycles["value"])
     both = pd.concat([cycles, tenser])
     assert drawn(lambda: draw_limit_cycles(both, changes, settings)) == alone
+    still = cycles[cycles["kind"] == "rest"].assign(vertical_amplitude_m=1e-260)
+    figure = draw_limit_cycles(still, changes[:0], settings)
+    assert figure.axes[0].get_ylim()[1] > 1e-3  # not of the remains of a motion
     (axes,) = draw_limit_cycles(tenser, changes, settings).axes
     assert axes.texts[0].get_text() == "this study does not vary the wind speed alone"
 
@@ -93,6 +96,8 @@ def test_map_and_orbits():
     bounded = table[np.isfinite(table["horizontal_amplitude_m"])]
     ratio = bounded.loc[bounded["horizontal_amplitude_m"].idxmax(), "frequency_ratio"]
     assert f"{ratio:.2f} times" in draw_resonance_map(table, settings).get_label()
+    still = table.assign(kind="rest", horizontal_amplitude_m=1e-260 * table["x"])
+    assert draw_resonance_map(still, settings).get_label() == ""
 
 
 def test_orbits_that_leave_all_design_ellipses_are_named():
@@ -137,6 +142,11 @@ def test_clearance_and_measures():
     calm = table[:1].assign(measure="a long damper", vertical_amplitude_m=0.0)
     said = draw_measures(pd.concat([table, better, calm]), {"cases": ["line"]}).get_label()
     assert f"a long damper, reduces the vertical amplitude from {as_it_is:.2g} to 0 m" in said
+    still = table.assign(vertical_amplitude_m=0.0, vertical_amplitude_m_high=0.0)
+    figure = draw_measures(still, {"cases": ["line"]})
+    figure.draw_without_rendering()
+    labels = figure.axes[0].get_xticklabels()
+    assert max(len(label.get_text()) for label in labels) <= 4  # they do not overlap
     unsure = table.assign(critical_wind_m_s_high=np.inf, required_clearance_m=50.0)
     figure = draw_measures(unsure, {"cases": ["line"]})
     assert "or never" in figure.axes[1].texts[-1].get_text() and drawn(lambda: figure)
@@ -164,6 +174,8 @@ def test_prediction():
         "8 to 12 m/s are predicted; the largest error of all recordings is 0 %"
         in figure.get_label()
     )
+    figure.draw_without_rendering()
+    assert figure.legends[0].get_window_extent().width <= figure.bbox.width
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     ours = lines["maximum likelihood (not identifiable)"]  # the status, beside the name alone
     np.testing.assert_allclose(ours.get_ydata(), true[:, 0])

@@ -126,7 +126,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
             values = of_case[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
             known = values[np.isfinite(values[:, 0])]
             least = limit if name == "clearance_m" else 0.0
-            reach = np.max(known, initial=least, where=np.isfinite(known))
+            reach = np.max(known, initial=least, where=np.isfinite(known)) or 1.0
             parts.rows(axes, labels)
             for y, value in enumerate(values):
                 text, end, color = _format_value(value[0]), 0.0, PAPER_COLOR
@@ -137,7 +137,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
                     parts.dot(axes, y, value, limits, MODEL_COLOR, "o", 3.5, bar={"lw": 1.6})
                 axes.annotate(text, (end, y), (5, 0), textcoords="offset points", va="center",
                               size="small", color=color)  # fmt: skip
-            axes.set(xlim=(-0.04 * reach, 1.4 * max(reach, 1e-3)))
+            axes.set(xlim=(-0.04 * reach, 1.4 * reach))
         axes.axvline(limit, color=PAPER_COLOR, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
     parts.legend(figure)
     figure.set_label(_most_useful(table[table["case"] == next(iter(settings["cases"]))]))

@@ -101,13 +101,14 @@ def draw_histories(
     spreads = {}
     for k, ((cell, label), axes) in enumerate(zip(cells.items(), grid[:, 0], strict=True)):
         spread = _draw_history(axes, true, reconstructions[cell][settings["method"]])
-        lost = "" if np.isfinite(spread) else "; some realisations diverge"
+        lost = "" if np.isfinite(spread) else "; some realisations diverge or fail"
         parts.letter(axes, k, label + lost)
         axes.set_ylabel(f"{style.STATE_LABELS['q_v']}, m")
         spreads[label] = spread
     axes.set_xlabel("time, s")
     parts.legend(figure, columns=2)
-    finite_spreads = {label: spread for label, spread in spreads.items() if np.isfinite(spread)}
+    # a single realisation has no spread
+    finite_spreads = {label: spread for label, spread in spreads.items() if 0 < spread < np.inf}
     if finite_spreads:
         ends = dict.fromkeys([next(iter(finite_spreads)), next(reversed(finite_spreads))])
         texts = [f"{100 * finite_spreads[label]:.0f} % with {label}" for label in ends]
@@ -214,7 +215,9 @@ def _draw_branches(
         ends = (irregular[f"{AMPLITUDES[direction]}_{end}_m"] for end in ("min", "max"))
         axes.vlines(irregular["value"], *ends, color=style.PAPER_COLOR, lw=1.2,
                     label="its range, not repeating")  # fmt: skip
-    axes.plot(simulated["value"], simulated[name], ls="", marker="o", ms=3, mfc="white",
+    # at rest, what is left of the motion would set the scale of the axis
+    amplitudes = simulated[name].where(simulated["kind"] != "rest", 0.0)
+    axes.plot(simulated["value"], amplitudes, ls="", marker="o", ms=3, mfc="white",
               mec=style.PAPER_COLOR, mew=0.8, zorder=3, label="long simulation")  # fmt: skip
     for kind, marker in MARKS.items():
         points = bifurcations[bifurcations["name"] == kind]
@@ -267,9 +270,9 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         axes.locator_params(axis="x", nbins=5)
     line = parts.key(r"$\omega_v = 2\,\omega_w$", color="white", ls="-", lw=1.4, path_effects=dark)
     parts.legend(figure, line, columns=3, loc="outside lower center")
-    bounded = table[np.isfinite(table["horizontal_amplitude_m"])]
-    if len(bounded):
-        most = bounded.loc[bounded["horizontal_amplitude_m"].idxmax()]
+    moving = table[np.isfinite(table["horizontal_amplitude_m"]) & (table["kind"] != "rest")]
+    if len(moving):
+        most = moving.loc[moving["horizontal_amplitude_m"].idxmax()]
         figure.set_label(
             "The horizontal amplitude is largest where the vertical frequency is "
             f"{most['frequency_ratio']:.2f} times the horizontal one"

@@ -210,7 +210,7 @@ def series(
     inside, low, high = np.clip(values, *limits)
     if not style.marker:
         dash = "_" if len(x) == 1 else ""  # a line needs two points
-        axes.plot(x, inside, **look | {"markersize": 14}, marker=dash, zorder=4.5)
+        axes.plot(x, values[0], **look | {"markersize": 14}, marker=dash, zorder=4.5)
         return
     axes.vlines(x, low, high, color=style.color, lw=0.9)
     axes.plot(x, inside, **look, zorder=2 + style.weight)
@@ -343,4 +343,8 @@ def legend(
     look: dict[str, Any] = {"loc": loc, "columnspacing": 1.4, "handlelength": 2.4} | options
     if entries:
         handles: list[Any] = list(entries.values())
-        figure.legend(handles, list(entries), ncols=columns, **look)
+        for count in range(columns, 0, -1):  # as many columns as the width allows
+            drawn = figure.legend(handles, list(entries), ncols=count, **look)
+            if count == 1 or drawn.get_window_extent().width <= figure.bbox.width:
+                break
+            drawn.remove()

@@ -255,13 +255,14 @@ def _describe_boxes(settings: Mapping) -> list[tuple[str, str]]:
     candidates = comb(len(STATES) + degree, degree)
     noise = " to ".join(f"{level:g}" for level in dict.fromkeys(settings["levels"]))
     points = " to ".join(map(parts.short, dict.fromkeys(settings["points"])))
+    n_methods = len(settings["methods"])
     return [
         ("line and wind", "span, ice,\ndamping"),
         ("equations", "Galerkin,\nγ and κ"),
         ("true motion", "Taylor series"),
         ("recordings", f"noise {noise},\n{points} samples"),
         ("candidates", f"{candidates} monomials\nto degree {degree}"),
-        ("identification", f"{len(settings['methods'])} methods"),
+        ("identification", f"{n_methods} method{'s' * (n_methods > 1)}"),
         ("model", "terms and\ncoefficients"),
         ("reconstruction", "from the true\nfirst state"),
         ("comparison", "terms, errors,\n$R^2$, amplitude"),

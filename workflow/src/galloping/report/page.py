@@ -50,10 +50,11 @@ class Item:
     def title(self) -> str:
         """Title of the figure, from its SVG file or its label, with its number in the paper."""
         found = TITLE.search(self._svg_text)
-        text = unescape(found[1]) if found else self.label
-        text = text[:1].upper() + text[1:]
         number = PAPER_FIGURE.fullmatch(self.name)
-        return f"Figure {int(number[1])}. {text}" if number else text
+        head = str(int(number[1])) if number else ""
+        text = unescape(found[1]) if found else self.label.removeprefix(head).lstrip()
+        text = text[:1].upper() + text[1:]
+        return f"Figure {head}. {text}" if number else text
 
     @property
     def caption_html(self) -> Markup:

@@ -245,8 +245,12 @@ def _describe_prediction(table: pd.DataFrame, case: str, protocol: str) -> str:
 
 
 def _describe_reduction(table: pd.DataFrame, case: str) -> str:
-    vertical = table[table["direction"] == "vertical"].set_index("line")["amplitude_m"]
+    rows = table[table["direction"] == "vertical"].set_index("line")
+    vertical = rows["amplitude_m"]
     if "two modes" not in vertical:
+        return ""
+    # the amplitude of a motion that dies out is that of one moment of its decay
+    if rows["limit_cycle_m"]["two modes"] < 0.5 * vertical["two modes"]:
         return ""
     changes = 100 * (vertical.drop("two modes") / vertical["two modes"] - 1).dropna()
     if changes.empty:

@@ -39,6 +39,12 @@ def paper_pair(study: Study) -> Pair:
     return next(filter(is_paper_pair, pairs), pairs[0])
 
 
+def paper_method_in_words(study: Study) -> str:
+    """Name the method of `paper_pair` as captions do."""
+    name = paper_pair(study)[1].name
+    return "the paper's method" if name == PAPER_METHOD else f"the method ``{name}``"
+
+
 def is_paper_pair(pair: Pair) -> bool:
     """Decide whether a measurement setup and a method are those of the reproduced paper."""
     protocol, method = pair
