@@ -66,6 +66,14 @@ def test_a_recording_that_is_not_here_is_one_line(folder):
     assert said == ["mapping.yaml, none.csv: not here, and no job makes it"]
 
 
+def test_an_unusable_home_is_one_line_that_does_not_blame_the_study(folder, monkeypatch):
+    (folder / "home").touch()
+    monkeypatch.setenv("HOME", str(folder / "home"))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    status, (said,) = script(folder, "run_study")
+    assert status == 1 and said.startswith(f"{folder / 'home'}") and ".snakemake" not in said
+
+
 def test_tables_and_figures_are_of_what_is_in_a_study(jobs_of):
     jobs = jobs_of(f"{{cases: {{{LINES}}}, trials: {{a: {{kind: systems}}}}}}")
     tables = {path for path in jobs if path.startswith("results/tables/")}

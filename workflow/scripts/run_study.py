@@ -129,7 +129,7 @@ def print_summary(settings: Settings, n_files: int, seconds: float) -> None:
     from galloping.reproducibility.plan import duration_in_words
 
     results = settings.results
-    files = f"{n_files} files made in {duration_in_words(seconds)}"
+    files = f"{n_files} file{'s' * (n_files > 1)} made in {duration_in_words(seconds)}"
     print(f"{files}: {results}" if n_files else "Nothing to do: all results are as configured.")
     report, table = Path(results, "report.html"), Path(results, "tables", "paper.csv")
     # without a case of the paper, the table is of an earlier study

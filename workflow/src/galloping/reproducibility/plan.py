@@ -176,6 +176,9 @@ def _with_dag(
             missing = sorted(filter(None, map(str.strip, text.splitlines())))
             sys.exit(f"{', '.join(missing)}: not here, and no job makes it")
         except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
+            file = getattr(error, "filename", None)
+            if file and ".snakemake" not in Path(str(file)).parts:
+                raise  # of another folder, such as Snakemake's cache in an unusable HOME
             cause = f"{type(error).__name__}: {error}".splitlines()[0]
             sys.exit(f"Snakemake cannot work with its records in .snakemake ({cause}): remove them "
                      "and repair the study")  # fmt: skip
