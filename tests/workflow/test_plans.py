@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -72,6 +73,14 @@ def test_an_unusable_home_is_one_line_that_does_not_blame_the_study(folder, monk
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     status, (said,) = script(folder, "run_study")
     assert status == 1 and said.startswith(f"{folder / 'home'}") and ".snakemake" not in said
+
+
+def test_a_path_from_which_snakemake_starts_no_jobs_is_one_line(folder, monkeypatch):
+    for name, is_refused in (("my lines (2)", True), ("größe", False)):
+        (folder / name).symlink_to(sys.prefix)
+        monkeypatch.setattr(sys, "executable", str(folder / name / "bin" / "python"))
+        status, (said,) = script(folder, "run_study", "--configfile", "none.yaml")
+        assert status == 1 and ("special character" in said) == is_refused
 
 
 def test_tables_and_figures_are_of_what_is_in_a_study(jobs_of):

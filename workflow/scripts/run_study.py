@@ -62,6 +62,7 @@ def main(*arguments: str) -> int:
     parser.add_argument("--workflow-profile")
     run_options, _ = parser.parse_known_args(options)
     check_cores(run_options.cores)
+    check_python_path()
     files, repair = run_options.configfile, make_command(run_options.configfile, "repair")
     with end_in_one_line(repair):
         settings = load_files(["config/config.yaml", *files])
@@ -147,6 +148,15 @@ def check_cores(text: str | None) -> None:
     """Exit with a message if a text is not a number of cores that Snakemake accepts."""
     if text not in (None, "all") and not (text.isdecimal() and int(text) > 0):
         sys.exit(f"CORES: {text!r} is not a number of cores; must be all or a whole number >= 1")
+
+
+def check_python_path() -> None:
+    """Exit with a message if Snakemake cannot start jobs: it passes this path to bash unquoted."""
+    if re.search(r"[^\w@%+=:,./-]", sys.executable):
+        sys.exit(
+            f"{sys.executable}: Snakemake cannot start jobs with a Python whose path has a space, "
+            "bracket or other special character: move this folder to a path without"
+        )
 
 
 def check(results: str, configfiles: list[str], repair: str) -> list[str]:
