@@ -290,6 +290,21 @@ def test_an_edit_is_named_with_what_runs_again_and_about_how_long():
     assert code[1:] == ["Code or libraries changed behind: make."]
 
 
+def test_a_file_left_elsewhere_is_announced_where_a_job_needs_it(folder):
+    model, *_ = [make(NAMES[0]), *(make(name, inputs=NAMES[:1]) for name in (NAMES[1], "u.csv"))]
+    kept.write_receipt(replace(read_receipt(model), kept=False))
+    Path(model).unlink()
+
+    def announced(settings):
+        plans = (plan(NAMES[0]), plan(NAMES[1], t=NAMES[:1]),
+                 plan("u.csv", u=NAMES[:1], settings=settings))  # fmt: skip
+        jobs = tuple(job for each in plans for job in each.jobs)
+        return list(describe_run(Plan(STUDY, jobs), read_receipts(RESULTS), 2))
+
+    assert announced(SETTINGS) == []
+    assert announced(OTHER)[0].startswith("3 of 3 jobs")  # the model, and all that depends on it
+
+
 def test_the_first_run_has_the_reference_alone_to_tell_times_by(folder):
     first = "3 of 3 jobs will run, for the first time:"
     assert told() == [f"{first} how long is not known yet"]

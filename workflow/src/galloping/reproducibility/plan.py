@@ -192,7 +192,7 @@ def describe_run(plan: Plan, receipts: Mapping[str, Receipt], cores: int | None)
     """
     current = {path for path in find_current(plan, dict(receipts)) if Path(path).exists()}
     current |= {path for path, receipt in receipts.items() if not receipt.kept}
-    jobs = [job for job in plan.jobs if not current.issuperset(job.outputs)]
+    jobs = _find_waiting(plan, current)
     if not jobs:
         return
     duration = _expected_duration(plan, jobs, receipts, cores)
@@ -205,6 +205,28 @@ def describe_run(plan: Plan, receipts: Mapping[str, Receipt], cores: int | None)
     codes = {job.rule for job, old in runs if old.settings.get("code") != job.settings.get("code")}
     if codes:
         yield f"Code or libraries changed behind: {list_first(sorted(codes), MAX_LISTED)}."
+
+
+def _find_waiting(plan: Plan, current: set[str]) -> list[PlannedJob]:
+    """List the jobs that will run: those with outputs that are not current, and their consequences.
+
+    These are the jobs of files that such a job needs and that were left elsewhere, and all jobs
+    that depend on a job that runs.
+    """
+    absent = {path for path in plan.maker if not Path(path).exists()}
+    waiting: dict[str, PlannedJob] = {}  # by first output
+    added = [job for job in plan.jobs if not current.issuperset(job.outputs)]
+    while added:
+        waiting |= {job.outputs[0]: job for job in added}
+        made = {path for job in waiting.values() for path in job.outputs}
+        needed = {path for job in waiting.values() for path in job.inputs} & absent
+        added = [
+            job
+            for job in plan.jobs
+            if job.outputs[0] not in waiting
+            and not (made.isdisjoint(job.inputs) and needed.isdisjoint(job.outputs))
+        ]
+    return list(waiting.values())
 
 
 def duration_in_words(seconds: float) -> str:
