@@ -137,6 +137,7 @@ def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, 
     assert status == 1 and again.read_bytes() == archive.read_bytes()
     assert said[0] == "dirty: README.md: not as in the commit"
     assert said[1] == f"incomplete: {TABLE}: not here"
+    assert "Commit what is dirty; `make CONFIG=config/smoke.yaml` completes" in said[2]
     status, said = clone.keep("publish", "--allow", "dirty,incomplete")
     assert status == 0, said
     crate = (again.parent / "ro-crate-metadata.json").read_text()

@@ -131,7 +131,8 @@ def publish(allow, configfile):
             archive, note = publish_study(plan, allowed), note_on_report(plan)
     except NotPublishable as error:
         sys.exit(
-            f"{error}\nNot published. `make` completes a study, `make repair` mends it; "
+            f"{error}\nNot published. Commit what is dirty; `{make_command(configfile)}` completes "
+            f"the study, `{make_command(configfile, 'repair')}` mends it; "
             f"ALLOW={','.join(ALLOWABLE_OBSTACLES)} publishes all the same and records it."
         )
     print(f"{archive}: {archive.stat().st_size / 1e6:.1f} MB, SHA-256 {digest(archive)}")
