@@ -159,6 +159,12 @@ def test_the_distance_of_a_reconstruction_is_drawn_and_said():
     (time, distance), *_ = lines_of(last).values()
     assert distance[-1] == pytest.approx(2e-7) and distance[time.searchsorted(50)] < 1.1e-7
     assert "Without noise" in figure.get_label() and "2e-07 m" in figure.get_label()
+    diverged = replace(SWING, status="diverged at t = 1 s")
+    of_two = {"line": [SWING], "gale": [diverged]}
+    both = {**NAMES, **CELL, "level": 0, "cases": ["line", "gale"]}
+    assert "2e-07 m" in draw_recovery(of_two, recovered, both).get_label()
+    (axes,) = draw_recovery({"line": [diverged]}, recovered, both).axes
+    assert "the line itself diverged" in axes.texts[0].get_text()
 
 
 def test_the_band_of_histories_is_said_and_a_diverged_motion_is_named():

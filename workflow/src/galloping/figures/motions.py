@@ -30,20 +30,24 @@ def draw_recovery(
 ) -> Figure:
     """Plot true and reconstructed motion of an overhead line, and the growth of the error.
 
-    The motion is the end of that of the first case; errors are those of all cases. trajectories:
-    motions by case, of which the first counts. reconstructions: by case and method, of the cell at
-    the lowest level. settings: cases, protocol, method and level.
+    The motion is the end of that of the first case; errors are those of all cases whose own motion
+    does not diverge. trajectories: motions by case, of which the first counts. reconstructions: by
+    case and method, of the cell at the lowest level. settings: cases, protocol, method and level.
     """
-    cases, method = settings["cases"], settings["method"]
+    first, method = settings["cases"][0], settings["method"]
+    true = trajectories[first][0]
+    if true.status != "ok":
+        return parts.make_empty_figure(f"nothing to show: the line itself {true.status}")
+    cases = [case for case in settings["cases"] if trajectories[case][0].status == "ok"]
     figure, grid = parts.panels(2.8, 3, width=style.SINGLE_COLUMN, height_ratios=(1, 1, 1.3))
     *upper, lower = grid[:, 0]
-    true, motion = trajectories[cases[0]][0], reconstructions[cases[0]][method]
+    motion = reconstructions[first][method]
     span = _last_window(true)
     for j, (axes, (state, name)) in enumerate(zip(upper, style.STATE_LABELS.items(), strict=True)):
         axes.plot(true.time, true.states[:, j], **TRUE_LINE, label="true")
         axes.plot(motion.time, motion.representative[:, j], **MODEL_LINE, label="reconstructed")
         axes.set(xlim=span, ylabel=f"{name}, m")
-        parts.letter(axes, j, f"{style.DIRECTIONS[state]}, {style.spoken(cases[0])}")
+        parts.letter(axes, j, f"{style.DIRECTIONS[state]}, {style.spoken(first)}")
     upper[0].tick_params(labelbottom=False)
     parts.letter(lower, len(upper), "largest distance so far")
     largest = []
