@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from lines import RESONANT
 
-from galloping import IdentifiedModel, Recording, maximum_likelihood
+from galloping import IdentifiedModel, Recording, maximum_likelihood, simulate
 from galloping import polynomial_library as library
 from galloping.configuration.load import load, plain
 from galloping.figures.verdicts import draw_model_error
@@ -15,6 +15,7 @@ from galloping.line.continuous import draw_wind
 from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.tables.trial_summaries import model_error
 from galloping.trials import real_lines
+from galloping.trials.published import SYSTEMS
 from galloping.trials.real_lines import (
     TRUTHS,
     combine_sensors,
@@ -105,6 +106,18 @@ def test_what_predicts_nothing_is_refused():
     found = maximum_likelihood([Recording(TIME, STATES, values)], TERMS)
     assert found.status == "refused"
     assert found.findings
+
+
+@pytest.mark.slow
+def test_a_model_that_diverges_within_a_few_periods_is_no_approximation():
+    """With jumps every half period it forecasts well, but comes to rest."""
+    system = SYSTEMS["sel_kov"]
+    time = np.linspace(0, 300 * system.period, 30001)
+    motion = simulate(system.model, system.start, time).states
+    noise = np.random.default_rng(1).standard_normal(motion.shape)
+    values = motion + 0.05 * motion.std(axis=0) * noise
+    recording = Recording(time, system.model.states, values)
+    assert maximum_likelihood(recording, library(2, 2)).status == "refused"
 
 
 def test_trial_has_a_row_for_each_replicate_and_method():

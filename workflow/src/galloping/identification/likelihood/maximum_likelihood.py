@@ -52,7 +52,10 @@ from galloping.identification.likelihood.starts import (
 )
 from galloping.identification.likelihood.trajectory_fit import follows_in_segments, prepare_fit
 from galloping.identification.likelihood.verdict import choose_best, have_same_terms
-from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
+from galloping.identification.likelihood.weak_constraint import (
+    MIN_STRETCH_PERIODS,
+    STRETCH_PERIODS,
+)
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import held_inputs
@@ -309,7 +312,7 @@ def _search_approximate(start: Start, objections: Findings) -> tuple[Outcome, bo
 
 def _fit_approximate(start: Start, objections: Findings) -> Outcome:
     """Fit the approximate model, by the error of free runs if inputs drive the motion."""
-    fit = attempt(prepare_fit, start, start.fit, STRETCH_PERIODS)
+    fit = attempt(prepare_fit, start, start.fit, STRETCH_PERIODS, MIN_STRETCH_PERIODS)
     if isinstance(fit, NoModel):
         return NoModel((*objections, *(one for one in fit.findings if one not in objections)))
     approximation = fit_approximation(fit, start.penalty, objections)

@@ -149,12 +149,14 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
     return step
 
 
-def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
+def prepare_fit(
+    start: Start, guess: WeakFit, periods: float, min_periods: float = 0.0
+) -> ShootingFit:
     """Set up a multiple-shooting fit in segments of `periods` periods, from an initial guess.
 
     Windows are halved until inputs are nearly polynomials within one and the Taylor series is
-    accurate over one, segments until the guess does not diverge within one. Raises
-    FloatingPointError if this does not suffice.
+    accurate over one, segments until the guess does not diverge within one, but not below
+    `min_periods`. Raises FloatingPointError if this does not suffice.
     """
     recordings, smoothed, period = start.recordings, start.smoothed, start.period
     problem, n = start.problem, len(start.problem.states)
@@ -193,9 +195,10 @@ def prepare_fit(start: Start, guess: WeakFit, periods: float) -> ShootingFit:
         try:
             truncation = segment_residuals(record, guess.free, record.starts)[1]
         except FloatingPointError:
-            if length == 2:
+            shortest = max(round(windows * min_periods), 2)
+            if length <= shortest:
                 break
-            length = max(length // 2, 2)
+            length = max(length // 2, shortest)
             continue
         if truncation < TRUNCATION_ERROR:
             return ShootingFit(record, guess.free, guess.support, record.starts, noise, noise)

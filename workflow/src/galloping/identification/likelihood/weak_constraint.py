@@ -25,6 +25,10 @@ from galloping.identification.work import count_work
 # amplitudes err by up to three times as much. With 20 periods or more, jumps do not absorb gusts,
 # and dampings err by as much.
 STRETCH_PERIODS = 10
+# Least length to which stretches are halved if the model diverges in them, in periods. In shorter
+# ones, jumps replace the model: of five such fits to limit cycles, with libraries of too low
+# degree, three forecast nothing, and the models of two came to rest.
+MIN_STRETCH_PERIODS = STRETCH_PERIODS / 4
 # Number of folds, each of which is left out in turn. Fewer folds give a less accurate covariance,
 # and a larger `small_sample_factor`, which is 1.26 for twelve: with six folds standard errors are
 # up to twice or half as large. Each further fold costs an elimination, and more folds change
