@@ -7,13 +7,19 @@ import pandas as pd
 import pytest
 from field_files import run
 from held_inputs import COUNT, DAMPING, STEP, STIFFNESS, TIME, inputs, moved_by
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 import galloping
 from galloping import IdentifiedModel, Input, Recording
 from galloping.identification.drawn_models import draw_models_and_rivals
 from galloping.identification.inputs import validated_problem
 from galloping.identification.observations import Code, Finding
-from galloping.identification.preparation.interpolation import choose_interpolants
+from galloping.identification.preparation.interpolation import (
+    choose_interpolants,
+    undersampled_inputs,
+)
 from galloping.model.polynomial import polynomial_library
 from galloping.model.terms import parse_library
 from galloping.recording.samples import typical_inputs
@@ -178,3 +184,34 @@ def test_an_input_that_was_said_to_be_smooth_and_is_held_is_named():
     said = replace(recording, inputs={"F": Input(TIME, samples, "cubic")})
     found = galloping.maximum_likelihood(said, parse_library("q + dq + F", STATES, ("F",))[0])
     assert found.status == "approximate" and Finding.of(Code.INPUT_HELD, "F") in found.findings
+
+
+def test_a_wind_that_varies_between_its_samples_is_named():
+    """From a sample every 5 s, intervals of amplitudes contain the truth too seldom."""
+    rng, time, decay = np.random.default_rng(11), np.arange(0.0, 300.0, 0.1), np.exp(-0.1 / 8.0)
+    gusts = lfilter([1.0], [1.0, -decay], rng.standard_normal(len(time)))
+    wind = CubicSpline(time, 12.0 + 1.2 * (gusts - gusts.mean()) / gusts.std())
+    solution = solve_ivp(
+        lambda t, x: [x[1], -4 * x[0] + (0.06 * wind(t) - 0.5) * x[1] - 1.2 * x[1] ** 3 / wind(t)],
+        (0.0, time[-1]), [0.2, 0.0], t_eval=time, rtol=1e-8, max_step=0.2,
+    )  # fmt: skip
+    values = solution.y.T + 0.03 * solution.y.std(axis=1) * rng.standard_normal((len(time), 2))
+    terms, _ = galloping.library("q + dq + U*dq + dq^3/U", STATES, ["U"])
+    coarse = Recording(time, STATES, values, inputs={"U": Input(time[::50], wind(time[::50]))})
+    found = galloping.maximum_likelihood(coarse, terms)
+    assert found.status == "approximate" and found.has_finding(Code.INPUT_UNDERSAMPLED)
+
+
+def test_an_input_is_undersampled_if_it_varies_between_samples_half_a_period_apart():
+    time, rng = np.arange(0.0, 100.0, 2.0), np.random.default_rng(12)
+    gusty, smooth = rng.standard_normal(len(time)), np.sin(0.2 * time)
+
+    def steps(values, between="linear", period=3.0):
+        recording = Recording(TIME, STATES, np.zeros((COUNT, 2)), inputs={
+            "U": Input(time, values, between)
+        })  # fmt: skip
+        return undersampled_inputs([recording], period)
+
+    assert steps(gusty) == {"U": 2.0}
+    assert not steps(smooth) and not steps(gusty, "zero") and not steps(gusty, period=5.0)
+    assert not steps(np.ones(len(time)))

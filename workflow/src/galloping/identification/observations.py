@@ -73,6 +73,7 @@ class Code(StrEnum):
     INPUT_HELD = "input_held"
     INPUT_DELAYED_BY = "input_delayed_by"
     INPUT_DELAYED = "input_delayed"
+    INPUT_UNDERSAMPLED = "input_undersampled"
     CHANNEL_DELAYED = "channel_delayed"
     COORDINATE_DELAYED = "coordinate_delayed"
     RATE_DISAGREES = "rate_disagrees"

@@ -58,7 +58,7 @@ from galloping.identification.likelihood.weak_constraint import (
 )
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.observations import Code, Finding
-from galloping.identification.preparation.interpolation import held_inputs
+from galloping.identification.preparation.interpolation import held_inputs, undersampled_inputs
 from galloping.identification.preparation.weak_form import Start, delayed_inputs, make_start
 from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior
 from galloping.identification.problem import Problem
@@ -292,12 +292,21 @@ def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bo
 def _search_stochastic(start: Start, _: Findings) -> tuple[Outcome, bool]:
     """Search for the model in random forces, and decide whether these certainly moved the system.
 
-    An input with a wrong delay looks like random forces, and is named.
+    An input with a wrong delay, or that varies between its samples, looks like random forces, and
+    is named.
     """
     identified, is_sure = try_random_forces(start.problem, start.recordings, start.period)
     if identified is None:
         return NoModel(), False
-    return identified.with_findings(*_find_late_inputs(start)), is_sure
+    undersampled = undersampled_inputs(start.recordings, start.period)
+    findings = (
+        *_find_late_inputs(start),
+        *(
+            Finding.of(Code.INPUT_UNDERSAMPLED, name, step_s=step)
+            for name, step in undersampled.items()
+        ),
+    )
+    return identified.with_findings(*findings), is_sure
 
 
 def _search_approximate(start: Start, objections: Findings) -> tuple[Outcome, bool]:

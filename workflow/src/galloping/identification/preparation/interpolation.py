@@ -25,6 +25,9 @@ from galloping.recording.samples import Input, Recording, evaluate_extended
 # late by less than 0.3 of its step does then not count as held: its misfit, which is quadratic in
 # the delay, falls by less.
 MIN_MISFIT_FALL = 1.0 / 3.0
+# Least variance that neighbouring samples do not predict, of an input that varies between its
+# samples, over its whole variance; 1.5 if the samples are independent.
+MIN_UNPREDICTED_SHARE = 0.1
 STEP_DIVISIONS = 8  # number of fine steps in a step of the grid; inputs are averaged over each
 
 
@@ -84,6 +87,25 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
     return [
         name for name, kind in kinds.items() if kind == "zero" != recordings[0].inputs[name].between
     ]
+
+
+def undersampled_inputs(recordings: Sequence[Recording], period: float) -> dict[str, float]:
+    """Find inputs that vary between samples that are more than half a period apart.
+
+    Their fluctuations at the frequencies of the motion are lost. period: of the motion, s. Returns
+    the longest step, s, of each, by name.
+    """
+    steps: dict[str, float] = {}
+    for name, one in (item for recording in recordings for item in recording.inputs.items()):
+        is_present = np.isfinite(one.values)
+        values = one.values[is_present]
+        if one.between == "zero" or len(values) < 3:
+            continue
+        step = float(np.median(np.diff(one.time[is_present])))
+        unpredicted = values[1:-1] - (values[:-2] + values[2:]) / 2.0
+        if step > period / 2.0 and np.var(unpredicted) > MIN_UNPREDICTED_SHARE * np.var(values):
+            steps[name] = max(step, steps.get(name, 0.0))
+    return steps
 
 
 def with_interpolation(given: Input, kind: str) -> Input:
