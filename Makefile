@@ -112,7 +112,7 @@ docs: $(MADE)
 	  workflow/schemas/config.schema.json
 	@$(SCRIPT)/draw_rules.py docs/rules.svg
 	PYTHONPATH=workflow/src $(BIN)/python docs/from_results.py docs/*.md
-	PYTHONPATH=workflow/src $(BIN)/python docs/draw_examples.py examples
+	PYTHONPATH='$(CURDIR)/workflow/src' $(BIN)/python docs/draw_examples.py examples
 
 release: $(TOOLS)
 	@$(SCRIPT)/release.py dist $(if $(filter yes,$(DRAFT)),--draft)

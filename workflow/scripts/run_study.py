@@ -45,6 +45,9 @@ from galloping.study.shown import departures_from_paper
 
 WORKFLOW = Path(__file__).parents[1]
 STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # line of Snakemake after each job
+ALL = re.compile(
+    r"^all +1$", re.MULTILINE
+)  # its row of a rule that does nothing, among the counts of jobs
 
 SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # below the results, if stdout is no terminal
 PROGRESS_INTERVAL = 60.0  # s: time between two lines of progress
@@ -242,8 +245,11 @@ def follow(process: subprocess.Popen, log: Path) -> int:
         try:
             return process.wait(PROGRESS_INTERVAL)
         except subprocess.TimeoutExpired:
-            done = STEPS.findall(log.read_text(encoding="utf-8", errors="replace"))
-            line = "{} of {} jobs done".format(*done[-1]) if done else ""
+            text = log.read_text(encoding="utf-8", errors="replace")
+            line = ""
+            if done := STEPS.findall(text):
+                count, total = map(int, done[-1])
+                line = f"{count} of {total - len(ALL.findall(text))} jobs done"
             if line != last_line:
                 last_line = line
                 print(line, flush=True)

@@ -210,7 +210,7 @@ def predict(
     prediction, missing = Prediction.nothing(winds, len(parts.states)), []
     motion = settle(simulator, parts.model(recorded), start, RECORDED_WATCH)
     if motion.kind != "cycle":
-        reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
+        reason = f"at {recorded:g} m/s the identified model reaches no limit cycle: {motion.kind}"
         return replace(prediction, reason=reason)
     family = parts.family()
     span = Range(
@@ -325,7 +325,7 @@ def limit_cycle_ahead(
     best = identified.model.without_absent_terms()
     motion = settle(Simulator(best.states, best.terms), best, start, FORECAST_WATCH)
     if not np.all(np.isfinite(motion.states)):
-        raise ValueError(f"the model does not settle: {motion.kind}")
+        raise ValueError(f"the model reaches no limit cycle: {motion.kind}")
     point = limit_cycles.cycle_from_motion(
         constant_family(best), 0.0, motion.time, motion.states, resolution=1.0
     )

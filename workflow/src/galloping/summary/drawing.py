@@ -172,7 +172,9 @@ def draw_forecast(
         ahead, time = forecasts[column], recordings[column].time
         begin = ahead.time[0]
         if row == 0:
-            what = "held out" if begin <= time[-1] else "after the recording"
+            what = (
+                "end of the recording, not fitted" if begin <= time[-1] else "after the recording"
+            )
             parts.letter(axes, column, what)
         _plot_samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
         is_shown = ahead.time < begin + length
