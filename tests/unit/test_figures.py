@@ -271,7 +271,7 @@ def test_an_overview_leaves_out_fits_without_true_coefficients(methods):
     assert "maximum" not in figure.get_label()
 
 
-def test_a_bound_beyond_the_axis_is_not_drawn_on_it():
+def test_a_bound_above_the_limit_of_the_axis_is_cut_off():
     table = scores((0.001, 0.01, 0.1), methods=("bound",)).assign(**dict.fromkeys(COLUMNS, 1e5))
     table.loc[table["level"] == 0.001, COLUMNS] = 10.0
     settings = {"case": "line", "protocol": "state", "label": "noise"}

@@ -83,9 +83,12 @@ def test_a_percent_sign_is_apart_from_its_number_as_in_all_texts():
     assert sentence_of(missed) == "The error of forecasts over 22 s is 10.5 % of q_v."
 
 
-def test_advice_is_given_once_and_is_no_recording_that_gives_no_equations():
+def test_advice_of_two_findings_is_the_same():
     repeats, rivals = finding_kinds()[Code.MOTION_REPEATS], finding_kinds()[Code.RIVAL_TERMS]
     assert repeats.advice.startswith(rivals.advice)
+
+
+def test_no_steady_motion_is_advised_and_an_unexplained_frequency_is_named():
     failed, line = Finding.of(Code.ITERATION_DIVERGES), (Code.RESIDUAL_LINE, "q_v")
     ((_, advice),) = explain([failed], True, words=HELPS)
     assert "steady motion" not in advice  # a limit cycle has the motion of many equations

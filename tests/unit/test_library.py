@@ -201,7 +201,7 @@ fits(pd.DataFrame(VALUES), TERMS) | recordings: a DataFrame; {WANTED} (Recording
 fits(VALUES.tolist(), TERMS) | recordings: item 0 is a list; {WANTED}
 fits([recording(), "x"], TERMS) | recordings: item 1 is a str; {WANTED}
 fits([recording(), OTHER], TERMS) | recordings: item 1 has the states a, b; must have those of
-fits([recording(), DRIVEN], TERMS) | recordings: samples 0 and those after it of item 1 are also in
+fits([recording(), DRIVEN], TERMS) | recordings: item 1 repeats samples of item 0 from its sample 0
 fits(SHORT, TERMS) | recordings: 10 samples are fewer than the 100 needed
 fits(PAUSED, TERMS) | recordings: item 0 has a gap of 1e+06 s between samples 0.05 s apart; must
 fits(recording(), galloping.polynomial_library(3, 1)) | terms: (0, 0, 0); must be tuples of 2

@@ -45,9 +45,7 @@ from galloping.study.shown import departures_from_paper
 
 WORKFLOW = Path(__file__).parents[1]
 STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # line of Snakemake after each job
-ALL = re.compile(
-    r"^all +1$", re.MULTILINE
-)  # its row of a rule that does nothing, among the counts of jobs
+ALL = re.compile(r"^all +1$", re.MULTILINE)  # row of rule `all` in its table of jobs
 
 SNAKEMAKE_OUTPUT = Path("logs", "snakemake.txt")  # below the results, if stdout is no terminal
 PROGRESS_INTERVAL = 60.0  # s: time between two lines of progress
@@ -155,10 +153,10 @@ def check_cores(text: str | None) -> None:
 
 def check_python_path() -> None:
     """Exit with a message if Snakemake cannot start jobs: it passes this path to bash unquoted."""
-    if re.search(r"[^\w@%+=:,./-]", sys.executable):
+    if re.search(r"[^\w@%+=:,./~-]", sys.executable):
         sys.exit(
             f"{sys.executable}: Snakemake cannot start jobs with a Python whose path has a space, "
-            "bracket or other special character: move this folder to a path without"
+            "bracket or other special character: use a Python environment in a path without"
         )
 
 
@@ -249,7 +247,8 @@ def follow(process: subprocess.Popen, log: Path) -> int:
             line = ""
             if done := STEPS.findall(text):
                 count, total = map(int, done[-1])
-                line = f"{count} of {total - len(ALL.findall(text))} jobs done"
+                jobs = total - len(ALL.findall(text))
+                line = f"{min(count, jobs)} of {jobs} jobs done"
             if line != last_line:
                 last_line = line
                 print(line, flush=True)

@@ -150,7 +150,7 @@ class Dynamics(Immutable):
     at : mapping of str to float
         The constant values of the inputs, their means.
     is_stable : bool
-        Whether motions near the limit cycle approach it; True if there is none.
+        Whether motions near the limit cycle approach it; True if there is none, or if unknown.
     """
 
     rest: Mapping[str, Value]

@@ -126,7 +126,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
     rows = replace_cells(table, draws, settings)
     rows = rows[rows["level"] > 0]
     if rows.empty:
-        return parts.make_empty_figure("this study has no such noisy recordings")
+        return parts.make_empty_figure("this study has no noisy recordings with this method")
     quantities = [QUANTITIES[name] for name in settings["quantities"]]
     height = 0.85 + (1.75 if len(quantities) == 1 else 1.35 * len(quantities))
     figure, grid = parts.panels(height, len(quantities), width=SINGLE_COLUMN, sharex=True)

@@ -204,7 +204,7 @@ def series(
 
     x: (n,). values: (3, n) median, low, high, places on the axis. Values beyond `limits`, including
     failures (inf), are drawn at the limit as open triangles. A method without a marker is a line
-    alone.
+    alone, cut off by the axes.
     """
     style, look = method_style(method), line_look(method)
     inside, low, high = np.clip(values, *limits)

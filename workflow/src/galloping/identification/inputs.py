@@ -62,8 +62,8 @@ def checked_recordings(recordings: object) -> list[Recording]:
     if shared := find_shared_rows([_all_samples(recording) for recording in recordings]):
         first, second, row = shared
         raise ValueError(
-            f"recordings: samples {row} and those after it of item {second} are also in item "
-            f"{first}; must be there once"
+            f"recordings: item {second} repeats samples of item {first} from its sample {row} on; "
+            "must contain each sample once"
         )
     return list(recordings)
 

@@ -29,7 +29,7 @@ def explain(
     whether to use the phrases in <> of `findings.csv` before a bar, or those behind it. words:
     phrases that several rows share, by their names there. units: name and unit of each subject.
     Returns pairs of meaning and advice, either of which may be ''. Two meanings, that the model is
-    inadequate and that a search found none, are used if there is no other.
+    inadequate and that no equations were found, are used if there is no other.
     """
     side, texts = 0 if is_span else 1, list[tuple[str, str]]()
     for finding in _sort_by_weight(findings) if is_verdict else findings:

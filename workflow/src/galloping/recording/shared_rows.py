@@ -11,7 +11,7 @@ BLOCK_ROWS, MAX_CHANCE_VALUES = 20, 5
 
 
 def find_shared_rows(recordings: Sequence[np.ndarray]) -> tuple[int, int, int] | None:
-    """Find BLOCK_ROWS consecutive rows that two recordings share.
+    """Find rows that two recordings share, in a run of at least twice BLOCK_ROWS.
 
     recordings: (n, n_columns) samples of each. Returns the index of the first recording, that of
     the second, and the first shared row of the second. Blocks of rows in which no column has more
@@ -24,10 +24,9 @@ def find_shared_rows(recordings: Sequence[np.ndarray]) -> tuple[int, int, int] |
         blocks = sliding_window_view(values, BLOCK_ROWS, axis=0)
         for row, block in enumerate(blocks):
             other = index_by_block.get(block.tobytes())
-            is_chance = other is None or all(
-                len(np.unique(column)) <= MAX_CHANCE_VALUES for column in block
-            )
-            if other is not None and not is_chance:
+            if other is not None and any(
+                len(np.unique(column)) > MAX_CHANCE_VALUES for column in block
+            ):
                 return other, k, row
         index_by_block |= {block.tobytes(): k for block in blocks[::BLOCK_ROWS]}
     return None

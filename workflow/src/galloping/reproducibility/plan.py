@@ -208,10 +208,10 @@ def describe_run(plan: Plan, receipts: Mapping[str, Receipt], cores: int | None)
 
 
 def _find_waiting(plan: Plan, current: set[str]) -> list[PlannedJob]:
-    """List the jobs that will run: those with outputs that are not current, and their consequences.
+    """List the jobs that will run.
 
-    These are the jobs of files that such a job needs and that were left elsewhere, and all jobs
-    that depend on a job that runs.
+    These are the jobs whose outputs are not current, those whose outputs are absent and needed by
+    a job that runs, and all that depend on a job that runs.
     """
     absent = {path for path in plan.maker if not Path(path).exists()}
     waiting: dict[str, PlannedJob] = {}  # by first output

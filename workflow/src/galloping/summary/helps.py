@@ -17,6 +17,7 @@ HELPS = {
     "places": "sensors at more places along the span, which separate its modes (`position` in a "
     "mapping)",
     "directions": "sensors in both directions",
+    "longer": "a longer recording of motion that grows or dies out",
     "fewer": "fewer candidate terms (`--library`, `--degree`)",
     "clocks": "one clock for all sensors, and samples at regular times",
 }

@@ -237,7 +237,7 @@ def is_undamped(known: Dynamics) -> bool:
 def keeps_any_amplitude(known: Dynamics) -> bool:
     """Decide whether a motion repeats with the amplitude of its start, on no limit cycle."""
     repeats = known.kind == "cycle" and known.period is None
-    return repeats and any(abs(one.value) < MIN_DAMPING_RATIO for one in known.damping.values())
+    return repeats and abs(min(one.value for one in known.damping.values())) < MIN_DAMPING_RATIO
 
 
 def is_linearly_undamped(known: Dynamics) -> bool:

@@ -416,8 +416,8 @@ def _margin(damping: Value, phase: float, is_of_one_size: bool) -> str:
     is_steady = abs(damping.value) * phase < 1.0 and width < MAX_DAMPING_WIDTH
     if is_steady and is_of_one_size:
         return (
-            "has a nearly constant amplitude, as near its onset, under a machine or in settled "
-            "galloping"
+            "has a nearly constant amplitude, like a mode near the onset of galloping, one that a "
+            "machine drives, or settled galloping"
         )
     if damping.low > 0.0:
         return f"does not: at least {100 * damping.low:.2g} % of critical damping remains"

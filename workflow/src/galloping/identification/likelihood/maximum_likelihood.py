@@ -66,7 +66,7 @@ from galloping.identification.random_forces.decision import fit_random_forces, t
 from galloping.identification.random_forces.start import is_ambient_candidate
 from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.identification.work import MAX_WORK, is_exhausted, limit_work, sub_budget
-from galloping.model.polynomial import Exponents, PolynomialModel
+from galloping.model.polynomial import Exponents, PolynomialModel, exponent_matrix
 from galloping.recording.samples import Recording
 
 Outcome = IdentifiedModel | NoModel
@@ -298,14 +298,7 @@ def _search_stochastic(start: Start, _: Findings) -> tuple[Outcome, bool]:
     identified, is_sure = try_random_forces(start.problem, start.recordings, start.period)
     if identified is None:
         return NoModel(), False
-    undersampled = undersampled_inputs(start.recordings, start.period)
-    findings = (
-        *_find_late_inputs(start),
-        *(
-            Finding.of(Code.INPUT_UNDERSAMPLED, name, step_s=step)
-            for name, step in undersampled.items()
-        ),
-    )
+    findings = *_find_late_inputs(start), *_find_undersampled_inputs(start, identified.model)
     return identified.with_findings(*findings), is_sure
 
 
@@ -345,3 +338,15 @@ def _find_late_inputs(start: Start) -> list[Finding]:
     if isinstance(late, NoModel):
         return []
     return [Finding.of(Code.INPUT_DELAYED_BY, name, delay_s=s) for name, s in late.items()]
+
+
+def _find_undersampled_inputs(start: Start, model: PolynomialModel) -> list[Finding]:
+    """Find inputs of a model that vary between samples more than half a period apart."""
+    present = model.without_absent_terms()
+    exponents = exponent_matrix(present.terms, len(present.names))
+    steps = undersampled_inputs(start.recordings, start.period)
+    return [
+        Finding.of(Code.INPUT_UNDERSAMPLED, name, step_s=steps[name])
+        for name, column in zip(present.names, exponents.T, strict=True)
+        if name in steps and column.any()
+    ]

@@ -5,8 +5,8 @@ segment on the coefficients is a small part of that on its state, and rounding w
 (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977.)
 
 Compiled functions that call each other are in one module, for a cached one notices edits of its own
-module alone. Squares are products: numba would compile `x ** 2` with the options of the function
-that is compiled first, and rounding would depend on what was compiled before.
+module alone. In functions with fastmath, squares are products: numba would compile `x ** 2` with
+the options of the function that is compiled first, and rounding would depend on what that was.
 """
 
 import numpy as np

@@ -203,7 +203,7 @@ def prepare_fit(
         if truncation < TRUNCATION_ERROR:
             return ShootingFit(record, guess.free, guess.support, record.starts, noise, noise)
         windows, length = 2 * windows, 2 * length
-    raise FloatingPointError("the start diverges, or its time scale is too short")
+    raise FloatingPointError("the initial guess diverges, or its time scale is too short")
 
 
 def _error_of_inputs(start: Start, guess: WeakFit, condensed: Condensed) -> np.ndarray:

@@ -26,8 +26,8 @@ from galloping.recording.samples import Input, Recording, evaluate_extended
 # the delay, falls by less.
 MIN_MISFIT_FALL = 1.0 / 3.0
 # Least variance that neighbouring samples do not predict, of an input that varies between its
-# samples, over its whole variance; 1.5 if the samples are independent.
-MIN_UNPREDICTED_SHARE = 0.1
+# samples, over its whole variance (1.5 if the samples are independent), and over its mean square.
+MIN_UNPREDICTED_SHARE, MIN_UNPREDICTED_SQUARE = 0.1, 1e-4
 STEP_DIVISIONS = 8  # number of fine steps in a step of the grid; inputs are averaged over each
 
 
@@ -92,19 +92,23 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
 def undersampled_inputs(recordings: Sequence[Recording], period: float) -> dict[str, float]:
     """Find inputs that vary between samples that are more than half a period apart.
 
-    Their fluctuations at the frequencies of the motion are lost. period: of the motion, s. Returns
-    the longest step, s, of each, by name.
+    They do if neighbouring samples do not predict each sample: fluctuations at the frequencies of
+    the motion are lost. period: of the motion, s. Returns the longest step, s, of each, by name.
     """
     steps: dict[str, float] = {}
-    for name, one in (item for recording in recordings for item in recording.inputs.items()):
-        is_present = np.isfinite(one.values)
-        values = one.values[is_present]
-        if one.between == "zero" or len(values) < 3:
-            continue
-        step = float(np.median(np.diff(one.time[is_present])))
-        unpredicted = values[1:-1] - (values[:-2] + values[2:]) / 2.0
-        if step > period / 2.0 and np.var(unpredicted) > MIN_UNPREDICTED_SHARE * np.var(values):
-            steps[name] = max(step, steps.get(name, 0.0))
+    for recording in recordings:
+        for name, one in recording.inputs.items():
+            is_within = (one.time >= recording.time[0]) & (one.time <= recording.time[-1])
+            is_used = is_within & np.isfinite(one.values)
+            time, values = one.time[is_used], one.values[is_used]
+            if one.between == "zero" or len(values) < 3:
+                continue
+            step = float(np.median(np.diff(time)))
+            unpredicted = np.var(values[1:-1] - (values[:-2] + values[2:]) / 2.0)
+            varies = unpredicted > MIN_UNPREDICTED_SHARE * np.var(values)
+            matters = unpredicted > MIN_UNPREDICTED_SQUARE * np.mean(values**2)
+            if step > period / 2.0 and varies and matters:
+                steps[name] = max(step, steps.get(name, 0.0))
     return steps
 
 
