@@ -130,6 +130,8 @@ def test_a_mode_that_keeps_any_amplitude_is_on_no_limit_cycle(summary):
     assert "settles on a limit cycle" in str(replace(summary, dynamics=known))
     known = replace(known, period=None)
     assert "amplitude of the limit cycle" not in str(replace(summary, dynamics=known))
+    growing = replace(known, damping={"q_v": Value(*GROWS), "q_w": Value(*NONE)})
+    assert "amplitude of the limit cycle" in str(replace(summary, dynamics=growing))
 
 
 def test_a_limit_cycle_that_the_motion_leaves_is_noted(summary):
