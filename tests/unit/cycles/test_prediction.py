@@ -85,7 +85,7 @@ def test_prediction_from_one_noisy_recording(protocol):
     parts = split([identified], [12.0], RATIOS)
     draws = draw_splits(identified, 12.0, RATIOS, np.random.default_rng(1))
     prediction = predict(parts, 12.0, list(CHECKS), START, draws, simulator())
-    assert prediction.reason == "" and not prediction.unresolved.any()
+    assert not prediction.reason and not prediction.unresolved.any()
     assert prediction.amplitude[:, :2] == pytest.approx(np.array(list(CHECKS.values())), rel=0.05)
     width = (prediction.high - prediction.low)[:, :2] / prediction.amplitude[:, :2]
     assert np.all((width > 1e-4) & (width < 0.05))

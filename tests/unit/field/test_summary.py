@@ -8,7 +8,7 @@ import pytest
 
 import galloping
 from galloping.behaviour.dynamics import Surroundings, Value, dynamics
-from galloping.summary.numbers import compute_numbers
+from galloping.summary.numbers import compute_numbers, keeps_any_amplitude
 from galloping.summary.wording import _beyond_recorded
 
 pytestmark = pytest.mark.xdist_group("summary")
@@ -130,6 +130,8 @@ def test_a_mode_that_keeps_any_amplitude_is_on_no_limit_cycle(summary):
     assert "settles on a limit cycle" in str(replace(summary, dynamics=known))
     known = replace(known, period=None)
     assert "amplitude of the limit cycle" not in str(replace(summary, dynamics=known))
+    assert not keeps_any_amplitude(replace(known, damping={}))  # as of states without rates
+    assert keeps_any_amplitude(replace(known, damping={"q_v": Value(np.nan), "q_w": Value(*NONE)}))
     growing = replace(known, damping={"q_v": Value(*GROWS), "q_w": Value(*NONE)})
     assert "amplitude of the limit cycle" in str(replace(summary, dynamics=growing))
 

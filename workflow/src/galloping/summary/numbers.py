@@ -237,7 +237,9 @@ def is_undamped(known: Dynamics) -> bool:
 def keeps_any_amplitude(known: Dynamics) -> bool:
     """Decide whether a motion repeats with the amplitude of its start, on no limit cycle."""
     repeats = known.kind == "cycle" and known.period is None
-    return repeats and abs(min(one.value for one in known.damping.values())) < MIN_DAMPING_RATIO
+    values = [one.value for one in known.damping.values()]  # NaN of what does not oscillate
+    is_kept = any(abs(value) < MIN_DAMPING_RATIO for value in values)
+    return repeats and is_kept and not any(value <= -MIN_DAMPING_RATIO for value in values)
 
 
 def is_linearly_undamped(known: Dynamics) -> bool:
