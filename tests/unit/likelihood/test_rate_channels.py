@@ -61,6 +61,26 @@ def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     assert alone.findings[0].subject == "q_v"
 
 
+@pytest.mark.parametrize("times", [1000.0, -1.0, 0.3])
+@pytest.mark.parametrize("sensor", ["velocity", "accelerometer"])
+def test_a_rate_in_another_unit_or_of_the_wrong_sign_is_named_at_once(sensor, times):
+    measured = recording(6)
+    if sensor == "velocity":
+        speed = simulate(LINE, [0.6, 0.9, 0, 0], TIME).states[:, 2]
+        values = measured.values.copy()
+        values[:, 2] = times * (speed + 0.05 * np.random.default_rng(7).standard_normal(len(TIME)))
+        measured = replace(measured, values=values)
+        expected = ("dq_v", "q_v")
+    else:
+        measured = replace(measured, rates=measured.rates * [1, 1, 1, times])
+        expected = ("ddq_w", "dq_w")
+    found = maximum_likelihood(measured, TERMS)
+    assert (found.status, found.codes) == ("refused", "rate_scaled")
+    (finding,) = found.findings
+    assert (finding.subject, finding.data["coordinate"]) == expected
+    assert finding.data["times"] == pytest.approx(times, rel=0.03)
+
+
 # duration and step, s; release, m; noise, of the deviation
 MOTIONS = [
     ("velocities", 120, 0.08, (0.6, 0.9), 0.005),

@@ -78,6 +78,7 @@ class Code(StrEnum):
     COORDINATE_DELAYED = "coordinate_delayed"
     RATE_DISAGREES = "rate_disagrees"
     RATES_DISAGREE = "rates_disagree"
+    RATE_SCALED = "rate_scaled"
     SCALE_UNDETERMINED = "scale_undetermined"
     CHANNEL_JUMPS = "channel_jumps"
     MEAN_MOVES = "mean_moves"

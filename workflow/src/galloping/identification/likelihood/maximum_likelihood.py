@@ -190,6 +190,8 @@ def _search_time_scales(
         if isinstance(outcome, IdentifiedModel):
             return outcome if share == 1.0 else prepend_path([f"time scale {share:g}"], outcome)
         objections.append(outcome.findings)
+        if any(each.code is Code.RATE_SCALED for each in outcome.findings):
+            break  # for every time scale; from shorter ones noise may hide it
     findings = *find_unmodelled_modes(recordings), *(objections[0] if objections else ())
     return prepend_path(["no model"], refused_model(problem, findings))
 

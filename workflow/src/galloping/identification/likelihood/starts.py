@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.preparation.rate_channels import (
+    check_rates,
     estimate_scales,
     with_scales,
     without_offsets,
@@ -33,13 +34,16 @@ def rescale_start(
     """Estimate unknown scales of channels, and rescale the initial guess by them.
 
     The measured rates are added. share: of `TIME_SCALES`, for this start. Returns the start in
-    these recordings, and the scales by name.
+    these recordings, and the scales by name. Raises IdentificationError if no channel determines a
+    scale or an offset, or a rate has another scale than its state.
     """
     scaled = with_scales(recordings, start.period)
     if any(one is not other for one, other in zip(recordings, scaled, strict=True)):
         start = make_start(start.problem, scaled, share)
     triples = zip(start.recordings, scaled, start.smoothed, strict=True)
     with_rates = [without_offsets(*each, start.period) for each in triples]
+    for one, curves in zip(with_rates, start.smoothed, strict=True):
+        check_rates(one, curves)
     return replace(start, recordings=with_rates), estimate_scales(recordings, scaled)
 
 

@@ -15,6 +15,7 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
+    MIN_CURVE_SAMPLES,
     Smooth,
     distance_to,
     sampled_rates,
@@ -120,6 +121,40 @@ def without_offsets(
         limit = 8.0 * _robust_deviation(difference[good, k : k + 1])[0]
         rates[is_inner & (np.abs(difference[:, k]) > limit), k] = np.nan
     return replace(recording, rates=rates)
+
+
+def check_rates(recording: Recording, smoothed: Smooth) -> None:
+    """Raise IdentificationError for a measured rate that is a multiple of the rate of its state.
+
+    recording: its measured rates without offsets. A channel counts if its rate would have to be
+    multiplied by less than a half, more than two, or a negative number.
+    """
+    slopes = _curve_slopes(recording, smoothed)
+    rates = np.hstack([sampled_rates(recording), recording.values])
+    n = len(recording.states)
+    pairs = [(x, n + v) for x, v in velocity_pairs(recording.states).items()]
+    for state, channel in [*pairs, *((i, i) for i in range(n))]:
+        least, most = _scale_limits(slopes[:, state], rates[:, channel])
+        if most < 0.0 or least > 2.0 or 0.0 < most < 0.5:
+            name = recording.states[state]
+            times = np.sign(least) * np.sqrt(least * most)
+            raise IdentificationError(Code.RATE_SCALED, f"d{name}", coordinate=name, times=times)
+
+
+def _scale_limits(slopes: np.ndarray, rates: np.ndarray) -> tuple[float, float]:
+    """Compute the least and the largest scale of rates (n,) relative to slopes (n,) of a curve.
+
+    If both contain noise, a regression of either on the other gives a limit (R. Frisch, 1934).
+    Returns (0, 0) if they are not clearly correlated.
+    """
+    is_known = np.isfinite(slopes) & np.isfinite(rates)
+    if is_known.sum() < MIN_CURVE_SAMPLES:
+        return 0.0, 0.0
+    (of_slopes, of_both), (_, of_rates) = np.cov(slopes[is_known], rates[is_known])
+    if of_both**2 < 0.25 * of_slopes * of_rates:
+        return 0.0, 0.0
+    least, most = sorted((of_both / of_slopes, of_rates / of_both))
+    return float(least), float(most)
 
 
 def _with_scale(recording: Recording, period: float) -> Recording:
