@@ -287,7 +287,7 @@ def test_an_edit_is_named_with_what_runs_again_and_about_how_long():
     ]
     assert told(OTHER, edited, None)[0] == "2 of 3 jobs will run, about 3 min of work"
     code = told(SETTINGS | {"code": {"digest": "b"}})
-    assert code[1:] == ["Code or libraries changed behind: make."]
+    assert code[1:] == ["The code or a library has changed for: make."]
 
 
 def test_a_file_left_elsewhere_is_announced_where_a_job_needs_it(folder):
@@ -310,6 +310,6 @@ def test_the_first_run_has_the_reference_alone_to_tell_times_by(folder):
     assert told() == [f"{first} how long is not known yet"]
     (folder / "origin.json").write_text('{"core_minutes": 30.2}')
     compared = {**STUDY, "reference": str(folder)}
-    assert told(study=compared) == [f"{first} the reference took a core 30 min"]
+    assert told(study=compared) == [f"{first} the reference took 30 min on one core"]
     said = map(duration_in_words, (4.2, 89, 600, 9000))
     assert list(said) == ["4 s", "89 s", "10 min", "2 h"]

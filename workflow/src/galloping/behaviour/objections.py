@@ -1,6 +1,6 @@
 """Refusal of models whose recordings are not free motions of a single system."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import floor, log10
@@ -57,24 +57,29 @@ def with_objections(
     if there is no model.
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
-    more = find_unmodelled_modes(list(recordings)) if inexact else []
-    objections = _find_random_forces(identified, recordings, period) or _find_outlived(
-        identified, recordings
-    )
-    if objections:
-        objections = more or objections
-    elif (not are_one or identified.status == "refused") and (
-        difference := find_difference(identified, recordings, identify)
-    ):
-        objections = [difference.between(names)]
-    if objections or identified.status == "refused":
-        findings, model = (*faults, *(objections or identified.findings)), identified.model
+    modes = find_unmodelled_modes(list(recordings)) if inexact else []
+
+    def refuse(objections: Iterable[Finding]) -> IdentifiedModel:
+        model, findings = identified.model, (*faults, *objections)
         return IdentifiedModel.refused(model.states, model.terms, findings, model.inputs)
-    if (len(recordings) == 1 or are_one) and not more:
-        more = _find_changes(identified, recordings, period, identify)
-    if identified.is_forced and len(recordings) == 1 and not more:
-        more = _find_changes_at_random(identified, recordings[0], period)
-    return identified.with_findings(*more)
+
+    if objections := _find_random_forces(identified, recordings, period):
+        return refuse(modes or objections)
+    may_differ = not are_one or identified.status == "refused"
+    if may_differ and (difference := find_difference(identified, recordings, identify)):
+        return refuse([difference.between(names)])
+    if objections := _find_outlived(identified, recordings):
+        return refuse(modes or objections)
+    if identified.status == "refused":
+        return refuse(identified.findings)
+    if modes:
+        return identified.with_findings(*modes)
+    changes = []
+    if len(recordings) == 1 or are_one:
+        changes = _find_changes(identified, recordings, period, identify)
+    if identified.is_forced and len(recordings) == 1 and not changes:
+        changes = _find_changes_at_random(identified, recordings[0], period)
+    return identified.with_findings(*changes)
 
 
 def _find_random_forces(

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 
-from galloping.identification.observations import Code, Finding, finding_kinds
+from galloping.identification.observations import Code, Finding, Severity, finding_kinds
 
 
 def sentence_of(finding: Finding) -> str:
@@ -39,7 +39,10 @@ def explain(
         name, unit = (units or {}).get(finding.subject, (finding.subject, ""))
         values = _template_values(finding) | {"name": name, "unit": finding.data.get("unit", unit)}
         values |= words or {}
-        meaning = _fill_template(kind.meaning, side, values)
+        # a fault without advice has a sentence that anyone understands
+        is_plain = finding.severity == Severity.FAULT and not kind.advice
+        template = kind.meaning or (kind.sentence if is_plain else "")
+        meaning = _fill_template(template, side, values)
         texts.append((meaning, _fill_template(kind.advice, side, values)))
     distinct = [pair for pair in dict.fromkeys(texts) if any(pair)]
     least = [finding_kinds()[code].meaning for code in (Code.RESIDUAL_POWER, Code.NOT_FOLLOWED)]

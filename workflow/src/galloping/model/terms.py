@@ -221,11 +221,14 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
         for equation in texts
     ]
     states = tuple(head.strip() for head in heads)
-    equations = [parse_known(equation, states, inputs) for equation in texts]
     terms: dict[Exponents, None] = {}
-    for equation, equation_text in zip(equations, texts, strict=True):
-        if isinstance(equation, Bounds) or equation.deviation is not None:
-            raise ValueError(f"{equation_text.strip()!r}: must be an equation, such as 'q = dq'")
+    for state, equation_text in zip(states, map(str.strip, texts), strict=True):
+        if states.count(state) > 1:
+            raise ValueError(f"{equation_text!r}: {state!r} has two equations; must have one")
+        sentence = _Sentence("known", equation_text, states, inputs, "equation")
+        equation = None if ":" in state else sentence.known()
+        if not isinstance(equation, Known) or equation.deviation is not None:
+            raise ValueError(f"{equation_text!r}: must be an equation, such as 'q = dq'")
         terms |= dict.fromkeys(equation.terms)
     return known_model(texts, states, tuple(terms), inputs)[0]
 
@@ -250,20 +253,21 @@ def _make_grammar() -> Lark:
 class _Sentence:
     """Text in the grammar, of these states and inputs.
 
-    kind: start symbol of the grammar.
+    kind: start symbol of the grammar. label: what messages call the text, by default its kind.
     """
 
     kind: str
     text: str
     states: tuple[str, ...]
     inputs: tuple[str, ...]
+    label: str = ""
 
     def tree(self) -> Node:
         from lark.exceptions import UnexpectedInput
 
         if len(self.text) > MAX_CHARACTERS:
             message = f"{len(self.text)} characters are more than {MAX_CHARACTERS}"
-            raise ValueError(f"{self.kind} {self.text:.60}...: {message}")
+            raise ValueError(f"{self.label or self.kind} {self.text:.60}...: {message}")
         depth = 0
         for position, character in enumerate(self.text):
             depth += (character == "(") - (character == ")")
@@ -289,7 +293,7 @@ class _Sentence:
     def fault(self, position: int | Token, message: str) -> ValueError:
         at: Any = getattr(position, "start_pos", position)
         text = self.text if len(self.text) < 200 else f"{self.text:.60}..."
-        return ValueError(f"{self.kind} {text!r}, character {at + 1}: {message}")
+        return ValueError(f"{self.label or self.kind} {text!r}, character {at + 1}: {message}")
 
     def times(self, left: Sum, right: Sum, position: Token | None) -> Sum:
         """Multiply two sums. Raises ValueError for too many terms or too high a power."""
@@ -376,7 +380,7 @@ class _Sentence:
         total: Sum = {}
         for sign, product in zip(tree.children[::2], tree.children[1::2], strict=True):
             if sign == "-" and bare:
-                raise self.fault(sign, "a library is a sum, and signs are found; must be +")
+                raise self.fault(sign, "a library lists terms without signs; must be +")
             for term, value in self.product(product, equation, is_argument).items():
                 total[term] = total.get(term, 0.0) + (-value if sign == "-" else value)
             self.check_count(len(total), None)

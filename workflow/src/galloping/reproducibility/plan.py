@@ -204,7 +204,7 @@ def describe_run(plan: Plan, receipts: Mapping[str, Receipt], cores: int | None)
     runs = ((job, receipts[path]) for job in jobs for path in job.outputs if path in receipts)
     codes = {job.rule for job, old in runs if old.settings.get("code") != job.settings.get("code")}
     if codes:
-        yield f"Code or libraries changed behind: {list_first(sorted(codes), MAX_LISTED)}."
+        yield f"The code or a library has changed for: {list_first(sorted(codes), MAX_LISTED)}."
 
 
 def _find_waiting(plan: Plan, current: set[str]) -> list[PlannedJob]:
@@ -258,7 +258,8 @@ def _expected_duration(
             minutes = None
         if type(minutes) not in (int, float):
             return "for the first time: how long is not known yet"
-        return f"for the first time: the reference took a core {duration_in_words(60 * minutes)}"
+        took = duration_in_words(60 * minutes)
+        return f"for the first time: the reference took {took} on one core"
     least = "at least " if len(times) < len(jobs) else ""
     if cores is None:
         return f"{least}about {duration_in_words(sum(times))} of work"

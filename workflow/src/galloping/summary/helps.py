@@ -38,7 +38,9 @@ def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
         helps.append(
             "a sensor in the other direction: vertical and horizontal motion drive each other"
         )
-    for _, more in meanings_and_advice(identified.findings, span):
+    exact = identified.status == "ok"  # errors of other models do not decrease with more data
+    findings = [each for each in identified.findings if exact or each.code != Code.RANDOM_FORCES]
+    for _, more in meanings_and_advice(findings, span):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = summary.advice
     if advice and advice.options and advice.standard_error > MIN_ERROR * abs(advice.coefficient):
@@ -49,7 +51,7 @@ def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
             f"{relative_error_text(advice.standard_error, advice.coefficient)} to "
             f"{relative_error_text(error, advice.coefficient)}"
         )
-    if identified.status == "approximate" and PLACES not in helps:
+    if span and identified.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; a longer recording with the same sensors does not help, since "
                      "the unexplained motion does not average out")  # fmt: skip
     if not identified.model.inputs and WIND not in " ".join(helps):
@@ -59,9 +61,6 @@ def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
         helps = [each for each in helps if WIND not in each]
     if span and _has_both_directions(reports):
         helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
-    if not span:
-        helps = [each.replace(HELPS["directions"], HELPS["fewer"]) for each in helps
-                 if PLACES not in each]  # fmt: skip
     is_wind = may_be_wind(identified, units)
     for name in identified.model.inputs:
         if ends := identified.recorded(name):

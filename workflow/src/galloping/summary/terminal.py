@@ -17,6 +17,7 @@ FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0  # s: time to the first line, and be
 BAR_STEPS = 1000  # steps of the progress bar
 MIN_COUNTED_TIME = 0.5  # s of counted work between two lines that determines a core's speed
 MAX_TIME_RATIO = 20.0  # measured over counted time; above, the time is that of compilation
+NEARLY_DONE = 0.95  # share of the work above which the rest cannot be estimated
 SEARCH_SHARE = 0.45  # share of a first search of unknown duration in all work
 
 
@@ -78,7 +79,9 @@ class _Lines:
         remaining = f"{seconds:.0f} s left" + (
             "" if math.isinf(most) else f", {most:.0f} s at most"
         )
-        click.echo(f"{elapsed:.0f} s: {what}; about {share:.0%} done, {remaining}", err=True)
+        is_nearly_done = share > NEARLY_DONE
+        done = "nearly done" if is_nearly_done else f"about {share:.0%} done, {remaining}"
+        click.echo(f"{elapsed:.0f} s: {what}; {done}", err=True)
 
 
 def json_text(content: object, **options: Any) -> str:

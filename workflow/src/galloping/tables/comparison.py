@@ -253,7 +253,7 @@ def compare_study(
         for name in tables.keys() & reference.keys():
             try:
                 parts[name], counts[name] = _compare_table(reference[name], tables[name], reason)
-            except ValueError as error:  # columns that are new or gone
+            except ValueError as error:  # no column names the rows
                 counts[name] = {"verdict": f"cannot be compared: {error}"}
     summary = pd.DataFrame([{"table": name, **each} for name, each in counts.items()])
     found = [parts[name].assign(table=name) for name in counts if len(parts.get(name, ()))]
@@ -292,6 +292,9 @@ def _compare_table(
     """Compare one table: differences and their summary. reason: why it may differ."""
     differences, values = _compare_values(reference, table)
     rows = differences[differences["column"] == WHOLE_ROW]
+    columns = differences[differences["row"] == WHOLE_COLUMN]
+    if len(columns):
+        reason = f"columns differ: {', '.join(columns['column'])}"
     parts = (values["difference"].abs() / values["tolerance"]).fillna(0)
     largest = values.loc[parts.idxmax()] if parts.any() else None
     return differences, {
@@ -299,7 +302,7 @@ def _compare_table(
         "rows_only_in_reference": int((rows["this_run"] == "absent").sum()),
         "rows_only_in_this_run": int((rows["reference"] == "absent").sum()),
         "values_compared": len(values),
-        "values_beyond_tolerance": len(differences) - len(rows),
+        "values_beyond_tolerance": len(differences) - len(rows) - len(columns),
         "largest_difference_in_tolerances": parts.max() if len(parts) else 0.0,
         "largest_difference_at": None if largest is None
         else f"{largest['row']}, {largest['column']}",

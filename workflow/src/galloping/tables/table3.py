@@ -16,7 +16,8 @@ from galloping.model.polynomial import (
     term_name,
 )
 
-TERM_COLUMNS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]
+VALUE_COLUMNS = ["equation", "symbol", "term", "true", "identified"]
+TERM_COLUMNS = [*VALUE_COLUMNS, "low", "high", "found"]
 
 
 def identified_terms(
@@ -63,9 +64,9 @@ def table3(
     """Tabulate true and identified coefficients of all lines with relative errors (table 3).
 
     The rows are ordered by case, equation and term. Columns are case, equation, symbol, term, true,
-    identified, relative_error_percent and the method. models, identified: by case. settings: cases,
-    those that are continuous, whose models have no true values; protocol, method, level; degree of
-    the library.
+    identified, relative_error_percent, protocol, method and level. models, identified: by case.
+    settings: cases, those that are continuous, whose models have no true values; protocol, method,
+    level; degree of the library.
     """
     terms = polynomial_library(len(STATES), settings["degree"])
     cell = {key: settings[key] for key in ("protocol", "method", "level")}
@@ -80,8 +81,7 @@ def table3(
     with np.errstate(divide="ignore"):
         error = 100 * np.abs(table["identified"] - table["true"]) / np.abs(table["true"])
     table = table.assign(relative_error_percent=error)
-    first = ["case", "equation", "symbol", "term", "true", "identified", "relative_error_percent"]
-    return table[[*first, *cell]]
+    return table[["case", *VALUE_COLUMNS, "relative_error_percent", *cell]]
 
 
 def equations(
@@ -100,7 +100,7 @@ def equations(
     terms, parts = polynomial_library(len(STATES), settings["degree"]), []
     for cell, fit in settings["fits"].items():
         first = identified[cell][fit["method"]][0]
-        part = identified_terms(model.model, [first], terms).drop(columns=["low", "high", "found"])
+        part = identified_terms(model.model, [first], terms)
         errors = {
             (equation, term_name(term, STATES)): first.standard_errors[row, j]
             for row, equation in EQUATIONS.items()
@@ -113,7 +113,7 @@ def equations(
     table = pd.concat(parts, ignore_index=True)
     if settings["is_continuous"]:
         table["true"] = np.nan
-    return table[["case", "protocol", "method", "level", *TERM_COLUMNS[:5], "standard_error"]]
+    return table[["case", "protocol", "method", "level", *VALUE_COLUMNS, "standard_error"]]
 
 
 def as_printed(table3: pd.DataFrame) -> pd.DataFrame:

@@ -244,7 +244,7 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
             if work.is_cut_short:
                 return [Finding.of(Code.LIMIT_OF_WORK)]
             # with inputs, other models may be as near
-            is_near = whiteness.is_nearly_white and not (problem.inputs and whiteness.is_relevant)
+            is_near = whiteness.may_be_random and not (problem.inputs and whiteness.is_relevant)
             is_accepted = is_near or (as_fallback and whiteness.explains_most)
             return [] if is_accepted else [whiteness.to_finding(channels.names)]
 

@@ -95,7 +95,7 @@ def _fit_some_samples(
     if problem.inputs:  # otherwise slow forces would imitate their effects
         fit = _with_further_terms(fit, white[0].noise)
     if n_further:
-        if not fit.whiteness.is_nearly_white:
+        if not fit.whiteness.may_be_random:
             return NoModel((fit.whiteness.to_finding(channels.names),))
         others = [attempt(_fit_from, setup, start) for start in white[1:MAX_STARTS]]
         fits = [each for each in (fit, *others) if not isinstance(each, NoModel)]
@@ -103,7 +103,7 @@ def _fit_some_samples(
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
     if not fit.whiteness.is_white and may_be_slow and reads_force:
         fit = _with_slow_forces(fit, starts[0])
-    elif not (may_be_slow or fit.whiteness.is_nearly_white):
+    elif not (may_be_slow or fit.whiteness.may_be_random):
         return NoModel((fit.whiteness.to_finding(channels.names),))
     return _with_further_terms(fit, white[0].noise)
 

@@ -103,8 +103,8 @@ class Whiteness:
         return self.statistic <= self.allowed and not self.has_other_cause
 
     @property
-    def is_nearly_white(self) -> bool:
-        """Whether the innovations are white enough to exclude causes other than random forces."""
+    def may_be_random(self) -> bool:
+        """Whether the innovations are white enough for a motion that random forces drive."""
         is_small = self.peak < MAX_LINE * self.peak_allowed and self.predicted < MAX_PREDICTED_SHARE
         return is_small or not self.is_relevant
 
