@@ -369,6 +369,9 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
 REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "commas_of_thousands.csv": (lines("t [s];v [m];w [m]", ";", v=commas(1.5 + V, 3)), BY_NAME,
         ("row 2, column 'v': '1,500'", "say --decimal ,", "without the comma if it separates")),
+    "points_of_thousands.csv": (table("t [s];v [mm];w [m]", commas(TIME),
+        [f"{1.5 + v:.3f}" for v in V], commas(W), mark=";"), (*BY_NAME, "--decimal", ","),
+        ("row 2, column 'v': '1.500' has a point, which separates thousands",)),
     "switch.csv": (lines(v=[str(v > 0.0) for v in V]), PLAIN,
         ("column 'v'", "true and false, and no measured motion")),
     "day_or_month.csv": (lines("time,v,w",

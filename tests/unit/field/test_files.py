@@ -257,7 +257,7 @@ def test_times_over_midnight_go_on_and_have_a_zone_only_where_it_stands(tmp_path
 @pytest.mark.parametrize(("cell", "said"), [
     ("abc", "row 202, column 'v': 'abc' is not a number"),
     ("1.234,5", "row 202, column 'v': '1.234,5' is not a number"),
-    ("1.234", "'1.234' has a point; others have a decimal comma"),
+    ("1.234", "'1.234' has a point, which separates thousands"),
 ])  # fmt: skip
 def test_one_bad_cell_among_decimal_commas_is_named(tmp_path, cell: str, said: str) -> None:
     rows = [";".join(f"{x:.2f}".replace(".", ",") for x in row) for row in FRAME.to_numpy()]

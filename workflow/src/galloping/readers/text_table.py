@@ -126,16 +126,19 @@ def _check_even(opener: Callable[[], BinaryIO], layout: Layout, encoding: str) -
 def _replace_decimal_commas(cells: pd.Series, header: str, layout: Layout) -> pd.Series:
     """Replace the decimal commas of a column that pandas left as text, such as for one bad cell.
 
-    Raises FileError if another number of the column has a decimal point.
+    Raises FileError if a number of the column has a point, which then separates thousands.
     """
     if layout.decimal != "," or cells.dtype.kind in "fiub":
         return cells
     text = cells.astype("string").str.strip()
     commas = text.str.fullmatch(DECIMAL_COMMA.pattern).fillna(False)
     points = np.flatnonzero(text.str.fullmatch(DECIMAL_POINT.pattern).fillna(False))
-    if commas.any() and len(points):
+    if len(points):
         where = f"row {layout.line + int(points[0])}, column {split_header(header)[0]!r}"
-        raise FileError(f"{where}: {text[points[0]]!r} has a point; others have a decimal comma")
+        raise FileError(
+            f"{where}: {text[points[0]]!r} has a point, which separates thousands where the "
+            "decimal mark is a comma; leave it out"
+        )
     return text.where(~commas, text.str.replace(",", ".")).astype(object)
 
 
