@@ -247,8 +247,15 @@ def test_a_model_with_inputs_is_simulated_in_them(driven, tmp_path):
     assert np.std(simulated["y"] - measured) < 0.03 * np.std(measured)
     printed = run("simulate", model, "--inputs", path, "--duration", 200, code=1)
     assert "99.96 s" in printed
-    for name, said in (("u", "have no unit; write the unit"), ("v [N]", "names of the model's")):
-        frame.set_axis(["t", "y", name], axis=1).to_csv(tmp_path / "u.csv", index=False)
+    both = ("--at", "u=2", "--inputs", tmp_path / "absent.csv")
+    for command in (("simulate", model), ("forecast", model, path, "--map", folder / "map.yaml")):
+        assert "--at and --inputs exclude each other for u" in run(*command, *both, code=1)
+    content = json.loads(model.read_text(encoding="utf-8"))
+    (tmp_path / "model.json").write_text(json.dumps(content | {"units": "m"}), encoding="utf-8")
+    assert "units: 'm': must be" in run("simulate", tmp_path / "model.json", code=1)
+    for name, said in (("u", "has no unit; write the unit"), ("v [N]", "names of the model's"),
+                       ("u [degC]", "u is in degC; must be convertible to N")):  # fmt: skip
+        frame.set_axis(["t [s]", "y", name], axis=1).to_csv(tmp_path / "u.csv", index=False)
         printed = run("simulate", model, "--inputs", tmp_path / "u.csv", code=1)
         assert said in printed and "--input " not in printed and "--unit" not in printed
 

@@ -137,6 +137,20 @@ def _load_usable(path):
     return loaded
 
 
+def _texts_in(path, key):
+    """Return the texts by name, such as units, that the file of a model has under a key.
+
+    Raises ValueError for anything else.
+    """
+    from galloping.storage import read_json
+
+    texts = read_json(path).get(key, {})
+    if not isinstance(texts, dict) or not all(isinstance(text, str) for text in texts.values()):
+        wanted = "must be a mapping of names to texts"
+        raise ValueError(f"{path}: not an identified model: {key}: {texts!r:.60}: {wanted}")
+    return texts
+
+
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
@@ -297,7 +311,6 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
-    from galloping.storage import read_json
     from galloping.summary.analysis import read_field
     from galloping.summary.csv_rows import forecast_rows
     from galloping.summary.driving import read_later_inputs
@@ -308,8 +321,8 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
         mapping["inputs"] = mapping["inputs"] or loaded.model.inputs
-    kinds = read_json(model).get("between", {})
-    field = read_field([file], _make_mapping(file, mapping).with_between(kinds))
+    columns = _make_mapping(file, mapping).with_between(_texts_in(model, "between"))
+    field = read_field([file], columns)
     if field.mapping.states != states:
         raise ValueError(
             f"{model}: has the states {', '.join(states)}, not {', '.join(field.mapping.states)}"
@@ -338,14 +351,13 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
 def show(model, latex, as_json):
     """Print the equations of a MODEL, with standard errors and status."""
     from galloping.identification.identified_model import IdentifiedModel
-    from galloping.storage import read_json
     from galloping.summary.csv_rows import model_rows
 
     if latex and as_json:
         raise click.UsageError("--latex and --json exclude each other")
     loaded = IdentifiedModel.load(model)
     if as_json:
-        click.echo(json_text(model_rows(loaded, read_json(model).get("units", {}))))
+        click.echo(json_text(model_rows(loaded, _texts_in(model, "units"))))
     else:
         click.echo(loaded.latex() if latex else str(loaded))
 
@@ -376,12 +388,12 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     """
     import numpy as np
 
-    from galloping.storage import read_json
     from galloping.summary.driving import choose_sampling, read_model_inputs
 
     loaded = _load_usable(model)
-    kinds = read_json(model).get("between", {})
-    inputs = read_model_inputs(model, loaded.model.inputs, at, inputs_file, time_column, kinds)
+    kinds, units = _texts_in(model, "between"), _texts_in(model, "units")
+    names = loaded.model.inputs
+    inputs = read_model_inputs(model, names, at, inputs_file, time_column, kinds, units)
     ends = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
     end = min(ends, default=np.inf)
     if duration and duration > end:
@@ -466,13 +478,12 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
     """
     from galloping.behaviour.assess import assess as assessed
     from galloping.behaviour.assessment import assessment_rows
-    from galloping.storage import read_json
     from galloping.summary.driving import parse_input_values
     from galloping.summary.wording import assessment_text
 
     if as_csv and as_json:
         raise click.UsageError("--csv and --json exclude each other")
-    loaded, units = _load_usable(model), read_json(model).get("units", {})
+    loaded, units = _load_usable(model), _texts_in(model, "units")
     values = parse_input_values(at, loaded.model.inputs)
     has_all_inputs = set(loaded.model.inputs) <= set(values)  # otherwise `assess` names the missing
     if figure and has_all_inputs and all(isinstance(value, float) for value in values.values()):

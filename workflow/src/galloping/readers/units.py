@@ -111,7 +111,7 @@ def factor(unit: str, wanted: str) -> float:
     `g_n`, never of a mass. wanted: a unit of SI. Raises UnitError if the unit is unknown or
     measures something else.
     """
-    if unit in USUAL_UNITS and USUAL_UNITS[unit][1:] == USUAL_UNITS[wanted][1:]:
+    if {unit, wanted} <= USUAL_UNITS.keys() and USUAL_UNITS[unit][1:] == USUAL_UNITS[wanted][1:]:
         return USUAL_UNITS[unit][0]
     import pint
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.proposal import PROPOSAL_ROWS, find_clock
 from galloping.readers.series import read_series
-from galloping.readers.units import EMPTY_MAPPING
+from galloping.readers.units import EMPTY_MAPPING, UnitError, factor
 from galloping.recording.samples import Input
 
 if TYPE_CHECKING:
@@ -33,18 +34,17 @@ def read_model_inputs(
     path: str | None,
     time: str | None = None,
     kinds: Mapping[str, str] = EMPTY_MAPPING,
+    units: Mapping[str, str] = EMPTY_MAPPING,
 ) -> dict[str, Input | float]:
     """Collect the inputs that drive a model: constants from option texts, others from a file.
 
     at: texts such as `U=12`, for constant values. model: for the message. time: the column of
-    times. kinds: interpolation of inputs. Columns have the names of the inputs, with their units.
-    Raises ValueError if an input is missing, and for files that cannot be read.
+    times. kinds: interpolation of inputs. units: of inputs in the model. Columns have the names of
+    the inputs, with their units. Raises ValueError if an input is missing or is another quantity
+    than in the model, and for files that cannot be read.
     """
-    driving = _parse_constants(at, names)
-    missing = [name for name in names if name not in driving]
+    driving, missing = _parse_constants(at, names, path)
     if path is not None:
-        if not missing:
-            raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
         clock = time or find_clock(read_table(path, None, None, PROPOSAL_ROWS), None, {}) or ""
         inputs = tuple(
             InputColumn.model_validate({"column": name, "between": kinds.get(name)})
@@ -53,7 +53,14 @@ def read_model_inputs(
         mapping = ColumnMapping.model_construct(
             time=TimeColumn(column=clock), channels=(), inputs=inputs
         )
-        driving |= read_series(path, mapping).inputs
+        series = read_series(path, mapping)
+        for name, unit in series.units.items():
+            with suppress(UnitError):
+                if factor(unit, units.get(name, unit)) == 1.0:
+                    continue
+            wanted = f"must be convertible to {units[name]}, the unit in {model}"
+            raise ValueError(f"{path}: {name} is in {unit}; {wanted}")
+        driving |= series.inputs
     elif missing:
         name = missing[0]
         raise ValueError(
@@ -80,9 +87,8 @@ def read_later_inputs(
                 f"{recording.path}: the model is driven by {name}; say its column, --input {name}"
                 "=COLUMN (inputs: in a mapping)"
             )
-    driving = _parse_constants(at, names)
-    missing = [name for name in names if name not in driving]
-    if path is None or not missing:
+    driving, missing = _parse_constants(at, names, path)
+    if path is None:
         return driving
     if mapping.rate and not mapping.time:
         raise ValueError(
@@ -127,13 +133,23 @@ def choose_sampling(
     return float(f"{duration:.2g}"), float(f"{rate:.2g}")
 
 
-def _parse_constants(at: Sequence[str], names: Sequence[str]) -> dict[str, Input | float]:
+def _parse_constants(
+    at: Sequence[str], names: Sequence[str], path: str | None
+) -> tuple[dict[str, Input | float], list[str]]:
+    """Parse the constant values of inputs, by name, and list the other inputs.
+
+    Raises ValueError for a range, and for a file of inputs, at `path`, if there are no others.
+    """
     constants: dict[str, Input | float] = {}
     for name, value in parse_input_values(at, names).items():
         if isinstance(value, np.ndarray):
             raise ValueError(f"--at {name}: a range is of `galloping assess`; must be one value")
         constants[name] = value
-    return constants
+    missing = [name for name in names if name not in constants]
+    if path is not None and not missing:
+        cause = f"--at and --inputs exclude each other for {', '.join(names)}"
+        raise ValueError(f"--inputs {path}: {cause if names else 'the model has no inputs'}")
+    return constants, missing
 
 
 def parse_input_values(
