@@ -75,6 +75,8 @@ def test_lists_arrays_and_frames_are_the_same_recording():
         assert np.array_equal(other.values, VALUES)
     missing = Recording.from_frame(frame.astype({"q": object}).replace({"q": {0.0: None}}))
     assert np.isnan(missing.values[0, 0])
+    masked = np.ma.masked_greater(VALUES, 0.9)
+    assert recording(values=masked) == recording(values=np.where(VALUES > 0.9, np.nan, VALUES))
 
 
 def test_dates_become_seconds():

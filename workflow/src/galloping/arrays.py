@@ -29,8 +29,9 @@ Matrix: TypeAlias = SupportsArray | Sequence[Sequence[float] | SupportsArray]
 def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Convert values to a float array and check its shape; NaN is allowed.
 
-    None in `shape` is any length. An array of floats is returned as it is. Raises ValueError naming
-    `name` if the values are not real numbers or have another shape.
+    None in `shape` is any length. An array of floats is returned as it is, a masked one with NaN
+    for masked values. Raises ValueError naming `name` if the values are not real numbers or have
+    another shape.
     """
     try:
         array = np.asarray(values)
@@ -50,6 +51,8 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> ND
     )
     if not fits:
         raise ValueError(f"{name}: has shape {array.shape}; must have {_describe_shape(shape)}")
+    if np.ma.is_masked(values):
+        array = np.where(np.ma.getmask(values), np.nan, array)
     return array.astype(float, copy=False)
 
 

@@ -59,7 +59,7 @@ class Table:
             data = data.to_frame()
         if not hasattr(data, "columns") and not isinstance(data, Mapping):
             if count_dimensions(what, data) == 1:
-                data = np.asarray(data)[:, np.newaxis]
+                data = np.asanyarray(data)[:, np.newaxis]
             values = as_floats(what, data, (None, None))
             return cls(what, {f"{what}{k}": y for k, y in enumerate(values.T)}, is_named=False)
         names = list(data if isinstance(data, Mapping) else data.columns)
