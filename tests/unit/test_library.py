@@ -191,6 +191,9 @@ recording(values=VALUES > 0) | recording: values: truth values; must be real num
 recording(values=INF) | recording: values: inf in row 3 of q; must be finite, or NaN
 recording(values=VALUES.T) | recording: values: has shape (2, 200); {SHAPE}
 recording(values=[[1, 2], [3]]) | recording: values: rows differ in length; {SHAPE}
+recording(values=None) | recording: values: has shape (); {SHAPE}
+recording(values=pd.DataFrame(VALUES, columns=["dq", "q"])) | recording: values: columns ('dq', 'q')
+recording(rates=pd.DataFrame(VALUES, columns=["x", "y"])) | recording: rates: columns ('x', 'y')
 recording(states="qd") | recording: states: 'qd'; must be a list of names
 recording(known_noise=[0.1]) | recording: known_noise: has shape (1,); must have shape (2, 2)
 recording(exact=True) | recording: exact: True; must be False without rates

@@ -350,7 +350,8 @@ class Recording(Immutable):
     states : tuple of str
         Names of the n_states states; a state named dX is the rate of X.
     values : (n, n_states) array
-        Measured states; NaN marks missing samples and missing channels.
+        Measured states; NaN, or the mask of an array, marks missing samples and missing channels.
+        Names of the columns of a DataFrame must be those of the states, in their order.
     rates : (n, n_states) array, optional
         Measured rates of the states, as of accelerometers, in the same form.
     unknown_offsets : (n_states,) boolean array, optional
@@ -406,8 +407,13 @@ class Recording(Immutable):
         time = as_increasing("recording: time", as_seconds("recording: time", self.time))
         shape = len(time), len(states)
         checked: dict[str, Any] = {"time": time, "states": states}
-        for name in ("values", "rates"):
-            if (data := getattr(self, name)) is not None:
+        for name, prefix in (("values", ""), ("rates", "d")):
+            if (data := getattr(self, name)) is not None or name == "values":
+                labels = tuple(getattr(data, "columns", states))
+                wanted = states, tuple(prefix + state for state in states)
+                if any(isinstance(label, str) for label in labels) and labels not in wanted:
+                    must = f"must be {', '.join(states)}, as the states"
+                    raise ValueError(f"recording: {name}: columns {labels!r:.60}; {must}")
                 array = checked[name] = as_floats(f"recording: {name}", data, shape)
                 if np.isinf(array).any():
                     row, column = np.argwhere(np.isinf(array))[0]
