@@ -243,6 +243,7 @@ galloping.simulate(GUSTY, [0.1, 0.0], TIME, {"U": CALM}) | inputs: U: 0; dq^3/U 
 galloping.simulate(GUSTY, [0.1, 0.0], TIME, {"U": "2"}) | inputs: U: a str; must be Input or number
 Recording.from_frame(pd.DataFrame({"q": []}, pd.DatetimeIndex([]))) | recording: {BAD_TIME}
 galloping.simulate(GUSTY, [0.1, 0.0], TIME) | inputs: U: not there; the model is driven by it
+galloping.simulate(LINE, [0, 1], TIME, {"U": 3}) | inputs: U: no input of the model, which has none
 galloping.simulate(GUSTY, [0.1, 0.0], TIME + 1.0, {"U": U}) | inputs: U: not there at 10 s
 galloping.PolynomialModel(("a",), ((1,), (2,)), [[0]]) | coefficients: shape (1, 1), expected (1, 2)
 galloping.PolynomialModel("a", ((-1,),), [[1]]) | terms: (-1,); {WHOLE}

@@ -117,13 +117,13 @@ class Simulator:
 
         inputs: each of the model's, measured or constant. limit: distance from zero at which the
         motion counts as diverged; by default that of a span in SI units. Raises ValueError for a
-        model with a term that the simulator does not have, and if an input is missing or does not
-        cover `time`.
+        model with a term that the simulator does not have, and if an input is missing, is not of
+        the model or does not cover `time`.
         """
         model = model.on_library(self.terms)
         start, steps = np.asarray(x0, float), max_steps(time)
+        checked = check_inputs(model, inputs or {}, time)
         if self.inputs:
-            checked = check_inputs(model, inputs or {}, time)
             return self._simulate_driven(model, start, time, checked, limit)
         limit = _divergence_limit(start) if limit is None else limit
         states, _, end, ending = solve(model, start, time, steps, limit=limit)
@@ -203,9 +203,13 @@ def check_inputs(
 ) -> dict[str, Input | float]:
     """Return a model's inputs in its order, after a check that they cover given times.
 
-    time: (n,) s. Raises ValueError if an input is missing, is neither an Input nor a number, is not
-    known at all times, as in a gap, or is zero where a term is divided by it.
+    time: (n,) s. Raises ValueError if an input is missing or of no model, is neither an Input nor a
+    number, is not known at all times, as in a gap, or is zero where a term is divided by it.
     """
+    for name in inputs:
+        if name not in model.inputs:
+            has = ", ".join(model.inputs) or "none"
+            raise ValueError(f"inputs: {name}: no input of the model, which has {has}")
     for name in model.inputs:
         if name not in inputs:
             raise ValueError(f"inputs: {name}: not there; the model is driven by it")
