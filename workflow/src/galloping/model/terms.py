@@ -215,6 +215,8 @@ def parse_model(text: str, inputs: Sequence[str] = ()) -> PolynomialModel:
     ValueError
         If an equation cannot be read, or a state has two.
     """
+    if not isinstance(text, str):
+        raise ValueError(f"text: {text!r:.60}; must be text, such as 'q = dq; dq = -4 q'")
     texts, inputs = text.rstrip().removesuffix(";").split(";"), tuple(inputs)
     heads = [
         re.sub(r"^d\s*\(|\)\s*/\s*dt$", "", equation.partition("=")[0].strip())
