@@ -169,6 +169,7 @@ def test_a_forecast_from_too_few_samples_is_refused(tmp_path, model):
     assert "unjudged" in told.stderr  # no forecast is printed without the status of its model
     said = run(*command, "--window", 0.01, code=1)
     assert "0.01 s" in said and "1 samples" in said
+    assert "--window 1e+09: must be 1,000,000 steps of" in run(*command, "--window", 1e9, code=1)
 
 
 def test_a_simulation_of_any_length_comes_row_by_row(model):

@@ -12,7 +12,7 @@ from galloping.memory import keep_freed_memory
 from galloping.summary.terminal import json_text, print_rows, show_progress
 
 ROWS_PER_BLOCK = 100_000  # number of rows that are simulated at once
-MAX_FORECAST_ROWS = 1_000_000  # largest number of rows of a forecast
+MAX_FORECAST_ROWS = 1_000_000  # largest number of rows of a forecast and of its window
 # Number of new objects between two searches for garbage: imports and figures make hundreds of
 # thousands of objects and hardly any garbage, and more searches cost `identify` a few percent.
 GARBAGE_THRESHOLD = 100_000
@@ -330,13 +330,14 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     inputs = read_later_inputs(field, loaded.model.inputs, at, inputs_file)
     _warn_of_extrapolation(loaded, inputs)
     recording, time = field.recordings[-1], None
-    if duration:
-        samples = max(duration / recording.step, 2.0)
-        if samples > MAX_FORECAST_ROWS:
+    for option, length in (("--duration", duration), ("--window", window)):
+        if length and length / recording.step > MAX_FORECAST_ROWS:
             step = f"{recording.step:g} s, that of {file}"
             raise ValueError(
-                f"--duration {duration:g}: must be {MAX_FORECAST_ROWS:,} steps of {step}, or less"
+                f"{option} {length:g}: must be {MAX_FORECAST_ROWS:,} steps of {step}, or less"
             )
+    if duration:
+        samples = max(duration / recording.step, 2.0)
         time = recording.time[-1] + recording.step * np.arange(1, round(samples) + 1)
     with show_progress():
         ahead = forecast_from(loaded, recording, time, window=window, inputs=inputs, seed=seed)
