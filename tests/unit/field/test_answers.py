@@ -199,6 +199,7 @@ def test_json_is_json(model, tmp_path):
     assert "exclude each other" in run("show", model, "--json", "--latex", code=2)
 
 
+NO_COVARIANCE = b'"covariance": []'
 NO_MODEL = [  # what is in the file, and what the one line says
     (lambda _: b"", "not an identified model"),
     (lambda _: b"[]", "must be a mapping of keys"),
@@ -207,6 +208,10 @@ NO_MODEL = [  # what is in the file, and what the one line says
     (lambda model: model.replace(b"-6.76", b"NaN"), "not all are finite"),
     (lambda model: model.replace(b"-6.76", b'"nan"'), "not all are finite"),
     (lambda model: model.replace(b"-6.76", b'"inf"'), "not all are finite"),
+    (lambda model: model.replace(b"-6.76", b"1e300"), "not all are finite and below 1e+100"),
+    (lambda model: model.replace(NO_COVARIANCE, b'"covariance": [[1, 0], [0, 1]]'), "of 2 terms"),
+    (lambda model: model.replace(NO_COVARIANCE, b'"covariance": [["nan"]]'), "must be finite"),
+    (lambda model: model.replace(NO_COVARIANCE, b'"covariance": [[-1]]'), "negative variances"),
     (lambda _: b"[" * 100_000, "not an identified model"),
     (lambda model: model.replace(b'"dq_v"', b'"q\\n**ok**"'), "must be names that print"),
     (lambda model: model.replace(b'"dq_v"', b'"q_v"'), "a name is there twice"),

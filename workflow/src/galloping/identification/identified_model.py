@@ -35,6 +35,7 @@ RANGE_SUFFIXES = ("_low", "_high")
 # with 0.9 no answer of `make exam` changes.
 MIN_FORECAST_R2 = 0.8
 MAX_NAME_LENGTH = 100  # most characters in the name of a state or an input in a file
+MAX_COEFFICIENT = 1e100  # coefficients of a file are smaller: products of two are finite
 MAX_EXPONENT = 64  # largest absolute value of an exponent in a term of a file
 NO_ARRAY: Any = None  # default of an array: becomes NaN, zero for forces, or empty
 # Fields with one value for each equation and term.
@@ -410,15 +411,16 @@ class IdentifiedModel(Immutable):
             raise ValueError("terms: exponents of states must be 0 or more")
         coefficients, status = np.array(content["coefficients"], float), content["status"]
         model = PolynomialModel(states, terms, coefficients, inputs)
-        if status != "refused" and not np.all(np.isfinite(coefficients)):
-            raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
+        if status != "refused" and not np.all(np.abs(coefficients) < MAX_COEFFICIENT):
+            limit = f"finite and below {MAX_COEFFICIENT:g}"
+            raise ValueError(f"coefficients: not all are {limit}, and the status is {status!r}")
         known, bounds = tuple(content["known"]), content.get("bounds", ())
         if not {*known, *(i for i, *_ in bounds)} <= set(range(len(states))):
             raise ValueError(f"known, bounds: must be of equations 0 to {len(states) - 1}")
         shapes = _array_shapes(
             len(states), len(terms), len(content["covariance"]), len(content["extrapolation_shift"])
         )
-        return cls(
+        found = cls(
             model=model,
             status=status,
             chi2=float(content["chi2"]),
@@ -441,6 +443,8 @@ class IdentifiedModel(Immutable):
                 for name, shape in shapes.items()
             },
         )
+        _check_covariance(found.covariance, int(found.support.sum()))
+        return found
 
     def save(self, path: str | os.PathLike, **about: object) -> None:
         """Write the model to a JSON file.
@@ -482,6 +486,16 @@ def _parse_names(content: Iterable[Any]) -> tuple[str, ...]:
     if len(set(names)) < len(names):
         raise ValueError(f"{names!r:.60}: a name is there twice")
     return names
+
+
+def _check_covariance(covariance: NDArray[np.float64], n_support: int) -> None:
+    """Raise ValueError unless a matrix is empty or can be the covariance of n_support numbers."""
+    if len(covariance) not in (0, n_support):
+        raise ValueError(f"covariance: of {len(covariance)} terms; must be of {n_support}, or []")
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    is_symmetric = np.abs(covariance - covariance.T) <= 1e-6 * np.outer(deviations, deviations)
+    if np.any(np.diag(covariance) < 0.0) or not np.all(is_symmetric & np.isfinite(covariance)):
+        raise ValueError("covariance: must be finite, symmetric and without negative variances")
 
 
 def _parse_records(kind: type, contents: Sequence[Mapping[str, Any]]) -> tuple:
