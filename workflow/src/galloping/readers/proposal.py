@@ -165,22 +165,23 @@ def propose(
 
     What the names do not determine is guessed from the order of the columns, and has a doubt.
     units: specified units of columns. for_all: specified unit of all columns but the times. time:
-    specified column of times. taken: columns of other quantities than the motion. rate: samples per
-    second; times are then those of rows, or of a column that counts samples. Raises ValueError if
-    no column can contain times, or two have different clocks.
+    specified column of times, whose unit may follow its name. taken: columns of other quantities
+    than the motion. rate: samples per second; times are then those of rows, or of a column that
+    counts samples. Raises ValueError if no column can contain times, or two have different clocks.
     """
     doubts: dict[str, Doubt] = {}
     clock = find_clock(table, time, doubts, rate, f"name it with --time, or {_hint_rate(table)}")
 
-    def unit_beside_file(name: str) -> str:
-        return units.get(name) or (for_all if name != clock else "") or unit_suffix(name)
+    if clock and time:
+        units = {clock: split_header(time)[1], **units}
 
     def unit_of(name: str) -> str:
-        return units.get(name) or table.unit(name) or unit_beside_file(name)
+        beside_file = (for_all if name != clock else "") or unit_suffix(name)
+        return units.get(name) or table.unit(name) or beside_file
 
     def as_entry(name: str, **measured: str) -> dict:
-        unit = "" if table.unit(name) else unit_beside_file(name)
-        return {"column": name, **measured} | ({"unit": unit} if unit else {})
+        unit = unit_of(name)
+        return {"column": name, **measured} | ({"unit": unit} if unit != table.unit(name) else {})
 
     length = len(table.columns[clock]) if clock else max(map(len, table.columns.values()))
     others = [
