@@ -194,6 +194,7 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
         (("--at", "U=1:2:1e-9"), "2 to 200"),
         (("--at", "U=8:16:20"), "2 to 200"),
         (("--at", "U=8", "--figure", tmp_path / "a.png"), "range of an input"),
+        (("--at", "U=4:10:3", "--figure", "/dev/full"), "must end in .svg or .png"),
     ):
         printed = run(*options, code=1)
         assert said in printed and printed.count("\n") == 1

@@ -484,6 +484,8 @@ def assess(model, at, seed, figure, as_csv, as_json, verbose):
 
     if as_csv and as_json:
         raise click.UsageError("--csv and --json exclude each other")
+    if figure is not None and Path(figure).suffix not in (".svg", ".png"):
+        raise ValueError(f"--figure {figure!r}: must end in .svg or .png; both are written")
     loaded, units = _load_usable(model), _texts_in(model, "units")
     values = parse_input_values(at, loaded.model.inputs)
     has_all_inputs = set(loaded.model.inputs) <= set(values)  # otherwise `assess` names the missing
