@@ -94,6 +94,7 @@ def test_what_is_safe_is_mended_and_said(tmp_path):
         ({"channels": [{"column": "v", "measures": "q_v", "position": 3}]}, "needs the span"),
         ({"span": 2, "channels": [{"column": "v", "measures": "q_v", "position": 3}]}, "not in"),
         ({"speed": 3}, "speed: 3: there is no such key"),
+        ({"rate": True}, "rate: true: must be no truth value"),
         ({"decimal": ";"}, "decimal: ';': must be"),
         ({"random_force": ["z"]}, "random_force: 'z'; must be all, or among"),
     ],

@@ -5,9 +5,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from galloping.configuration.yaml_file import read
+from galloping.fields import show
 from galloping.model.terms import parse_known, parse_library
 from galloping.readers.file_table import read_table
 from galloping.readers.proposal import PROPOSAL_ROWS, Proposal, list_states, propose
@@ -34,6 +43,13 @@ class MappingError(ValueError):
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _refuse_truth_value(cls, given: object) -> object:
+        if isinstance(given, bool):  # pydantic would convert it to 0 or 1
+            raise ValueError(f"{show(given)}: must be no truth value")
+        return given
 
 
 Texts = Annotated[  # one or several
