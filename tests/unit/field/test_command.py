@@ -114,6 +114,7 @@ def test_derive_prints_the_equations_of_a_case(tmp_path):
         (["--states", "q_v", "--measure", "q_v=v150", "--noise", "v150=3 s"], 1,
          "noise of column 'v150': unit 's'"),
         (["--states", "v150", "--delay", "v150=1", "--delay", "v150=2"], 1, "one for each column"),
+        (["--decimal", ",,"], 2, "',,' is not one of '.', ','"),
         (["--duration", "3"], 2, "No such option"),
     ],
 )  # fmt: skip

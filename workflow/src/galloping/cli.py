@@ -94,7 +94,10 @@ def _mapping_options(command):
                 "recording determines this.",
             ),
             click.option("--span", type=float, help="Length of the span, m, for positions."),
-            click.option("--decimal", help="Decimal mark of text files; by default recognised."),
+            click.option(
+                "--decimal", type=click.Choice([".", ","]),
+                help="Decimal mark of text files; by default recognised.",
+            ),
             click.option(
                 "--map", "map_file", type=click.Path(dir_okay=False),
                 help="A YAML file that replaces all of these options.",
