@@ -278,6 +278,8 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "java_times.csv": (lines(NAMED, t=[s.time().isoformat()
         for s in STAMPS + pd.Timedelta("11:59:50")]), ()),
     "sixteen.csv": (lines().encode("utf-16"), PLAIN),
+    "thirty_two.csv": (lines().encode("utf-32"), PLAIN),
+    "bars.txt": (lines("t | v | w", " | "), PLAIN),
     "windows_1252.csv": (lines("Zeit [s];Vertikalweg [µm];Querweg w [m]", ";", ",",
         v=1e6 * V).encode("cp1252"), ()),
     "chinese.csv": (lines("时间（s）,垂直位移（mm）,水平位移（m）", v=1e3 * V), ()),

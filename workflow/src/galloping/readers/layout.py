@@ -11,7 +11,7 @@ from galloping.readers import MAX_LISTED_NAMES, FileError
 from galloping.readers.columns import is_time, measured_quantity
 from galloping.readers.units import is_unit, split_header
 
-SEPARATORS = (";", "\t", ",", None)  # None: white space; a comma may be a decimal mark
+SEPARATORS = (";", "\t", ",", "|", None)  # None: white space; a comma may be a decimal mark
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
 MINUS = "\N{MINUS SIGN}"  # as some locales of Europe write it
@@ -184,7 +184,7 @@ def _find_separator(
     if not candidates:
         raise FileError(
             f"row {plain[-1] + 1}: {rows[plain[-1]]!r:.60} is one column, or rows differ; columns "
-            "must be parted by commas (without decimal commas), semicolons, tabs or blanks"
+            "must be parted by commas (without decimal commas), semicolons, tabs, bars or blanks"
         )
     return min(candidates, key=lambda each: each[:3])[3:]
 

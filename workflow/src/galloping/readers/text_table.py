@@ -31,6 +31,10 @@ BINARY_FORMATS = {  # formats by the first bytes of a file that is no text table
 }
 CHINESE_TEXT = re.compile(rb"[\x81-\xfe]{4}")  # two GB 18030 characters, unlike Western words
 ENCODINGS = {"cp1252": "Windows-1252", "gb18030": "GB 18030"}  # encodings other than Unicode
+WIDE_ENCODINGS = {  # by their first bytes; those of UTF-32 may begin with those of UTF-16
+    "utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
+    "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
+}
 MISSING_WORDS = {  # words for a missing sample that pandas does not know
     "-", "--", "---", "?", "*", "***", "#nv", "#wert!", "#value!", "#ref!", "#div/0!", "overflow",
     "over", "ovl", "ovfl", "ofl", "ol", "underflow", "err", "error", "bad", "invalid", "missing",
@@ -51,11 +55,11 @@ def read_text(
     for magic, kind in BINARY_FORMATS.items():
         if head.startswith(magic):
             raise FileError(f"this is {kind}, not a text table")
-    wide = head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    wide = next((name for name, marks in WIDE_ENCODINGS.items() if head.startswith(marks)), None)
     if b"\0" in head and not wide:
         raise FileError("not a text table in UTF-8 (it holds zero bytes)")
     other = "gb18030" if CHINESE_TEXT.search(head) else "cp1252"
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", other):  # the first that fits
+    for encoding in (wide,) if wide else ("utf-8-sig", other):  # the first that fits
         try:
             lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()
             layout = find_layout(lines if whole else lines[:-1] or lines, decimal, time)
