@@ -571,6 +571,8 @@ NOTED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("column 'v'", "after 360, 33 times")),
     "line_break.h5": (only(hdf5, {"t [s]": TIME, "vertical [m]": V, "a\n**ok**: \x1b[31m": W}), (),
         ("not used: a **ok**: [31m;",)),
+    "sheets.xlsx": (only(sheet, {"t [s]": TIME, "q_v [m]": V}), (),
+        ("of 2 sheets the longest (of equal ones the first), 'data', was read",)),
     "complex.mat": (of(mat, z=1j * V), PLAIN, ("z (1 x 1000, complex)",)),
     "stuck.csv": (lines(v=np.where(TIME > 20.0, V[500], V)), PLAIN,
         ("column 'v': 499 samples", "from row 503 on")),

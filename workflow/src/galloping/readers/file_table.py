@@ -280,7 +280,7 @@ def _read_sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]
     name = max(sheets, key=lambda title: len(sheets[title]))
     text = io.StringIO()
     csv.writer(text).writerows([[as_text(cell) for cell in row] for row in sheets[name]])
-    notes = (f"of {len(sheets)} sheets the longest, {name!r}, was read",)
+    notes = (f"of {len(sheets)} sheets the longest (of equal ones the first), {name!r}, was read",)
     return text.getvalue().encode(), notes if len(sheets) > 1 else ()
 
 
