@@ -11,8 +11,22 @@ from galloping.extras import missing_line
 EXIT_INTERRUPTED = 130  # exit code after Ctrl-C
 
 
+class FilledCommand(click.Command):
+    """Click command that refuses empty texts, which would have no effect or name the folder."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run the command; raise BadParameter for an empty argument or option."""
+        for parameter in self.params:
+            given = ctx.params.get(parameter.name or "")
+            if "" in (given if isinstance(given, tuple) else (given,)):
+                raise click.BadParameter("must not be empty", ctx, parameter)
+        return super().invoke(ctx)
+
+
 class OneLineErrors(click.Group):
     """Click command group that prints input errors and interruptions as one line each."""
+
+    command_class = FilledCommand
 
     def invoke(self, context: click.Context) -> object:
         """Run the command; exit with code 1 after an input error, 128 + signal after a signal."""

@@ -313,8 +313,9 @@ def _split_units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
 def _parse_by_column(option: str, texts: Sequence[str]) -> dict[str, str]:
     """Map the name of each column to the text in `COLUMN=TEXT`, values of an option."""
     by_column = dict(text.partition("=")[::2] for text in texts)
-    if len(by_column) < len(texts):
-        raise MappingError(f"--{option}: {', '.join(texts)}; must be one for each column")
+    if len(by_column) < len(texts) or "" in by_column.values():
+        wanted = "must be one for each column, COLUMN=VALUE"
+        raise MappingError(f"--{option}: {', '.join(texts)}; {wanted}")
     return by_column
 
 
