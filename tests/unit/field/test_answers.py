@@ -92,6 +92,8 @@ def test_a_mapping_is_proposed_to_be_checked_and_then_used(tmp_path):
     map_file.write_text(map_file.read_text().replace("null", "m"))
     assert "z measures q_v" in run("inspect", path, "--map", map_file)
     assert "map.yaml: exists" in run("inspect", path, "--write-map", map_file, code=1)
+    other = ("--write-map", tmp_path / "b.yaml", "--measure", "q_v=z")
+    assert "and --decimal; not --measure" in run("inspect", path, *other, code=1)
     plain = written(tmp_path / "b.csv", lines("t [s];vertical [m];horizontal [m]", ";", ","))
     said = run("inspect", plain, "--write-map", tmp_path / "plain.yaml")
     assert said == run("inspect", plain, "--map", tmp_path / "plain.yaml") == run("inspect", plain)

@@ -274,6 +274,8 @@ def _write_mapping(file, path, options) -> dict:
 
     option_keys = {key for key, value in options.items() if value not in (None, ())}
     if other := option_keys - {"time_column", "rate", "decimal", "units"}:
+        parameters = click.get_current_context().command.params
+        name = next(each.opts[0] for each in parameters if each.name in other)
         raise MappingError(
             f"--write-map goes with --time, --rate, --unit and --decimal; not {min(other)}"
         )
