@@ -247,6 +247,9 @@ def test_a_model_with_inputs_is_simulated_in_them(driven, tmp_path):
     assert np.std(simulated["y"] - measured) < 0.03 * np.std(measured)
     printed = run("simulate", model, "--inputs", path, "--duration", 200, code=1)
     assert "99.96 s" in printed
+    frame.iloc[[*range(1000), *range(1100, 2500)]].to_csv(tmp_path / "gap.csv", index=False)
+    printed = run("simulate", model, "--inputs", tmp_path / "gap.csv", code=1)
+    assert "gap.csv: inputs have a gap after 39.96 s" in printed
     both = ("--at", "u=2", "--inputs", tmp_path / "absent.csv")
     for command in (("simulate", model), ("forecast", model, path, "--map", folder / "map.yaml")):
         assert "--at and --inputs exclude each other for u" in run(*command, *both, code=1)

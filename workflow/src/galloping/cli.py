@@ -277,7 +277,7 @@ def _write_mapping(file, path, options) -> dict:
         parameters = click.get_current_context().command.params
         name = next(each.opts[0] for each in parameters if each.name in other)
         raise MappingError(
-            f"--write-map goes with --time, --rate, --unit and --decimal; not {min(other)}"
+            f"--write-map goes with --time, --rate, --unit and --decimal; not {name}"
         )
     if Path(path).exists():
         raise MappingError(f"{path}: exists; name another file, or remove it")
@@ -400,8 +400,9 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     kinds, units = _texts_in(model, "between"), _texts_in(model, "units")
     names = loaded.model.inputs
     inputs = read_model_inputs(model, names, at, inputs_file, time_column, kinds, units)
-    ends = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
-    end = min(ends, default=np.inf)
+    stretches = [one.stretches for one in inputs.values() if not isinstance(one, float)]
+    end = min((each[-1][1] for each in stretches), default=np.inf)
+    gap = min((each[0][1] for each in stretches if len(each) > 1), default=np.inf)
     if duration and duration > end:
         raise ValueError(f"--duration {duration:g}: {inputs_file} ends {end:g} s after its begin")
     states = loaded.model.states
@@ -420,6 +421,9 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
     usual_duration, usual_rate = choose_sampling(loaded.model, start, inputs)
     _warn_of_extrapolation(loaded, inputs)
     duration, rate = duration or min(end, usual_duration), rate or usual_rate
+    if duration > gap:
+        wanted = f"fill it, or say --duration {gap:g} or less"
+        raise ValueError(f"{inputs_file}: inputs have a gap after {gap:g} s; {wanted}")
     rows = _simulate_rows(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
     print_rows(rows, as_json)
     _warn_of_status(loaded)
