@@ -53,7 +53,8 @@ class _Section(BaseModel):
 
 
 Texts = Annotated[  # one or several
-    tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)
+    tuple[str, ...],
+    BeforeValidator(lambda given: given if isinstance(given, list | tuple) else (given,)),
 ]
 
 
@@ -224,6 +225,11 @@ class ColumnMapping(_Section):
         )
 
 
+SECTIONS: dict[object, type[_Section]] = {  # by their keys in a ColumnMapping
+    "time": TimeColumn, "channels": Channel, "inputs": InputColumn,
+}  # fmt: skip
+
+
 def validate_mapping(content: object) -> ColumnMapping:
     """Convert nested dicts to a ColumnMapping; raise MappingError if they are invalid.
 
@@ -249,6 +255,9 @@ def _describe_problem(problem: Mapping[str, Any]) -> str:
     if problem["type"] == "missing":
         return f"{location}: is missing"
     message = PROBLEM_TEXTS.get(problem["type"]) or message.replace("Input should", "must")
+    if problem["type"] == "extra_forbidden":
+        section = SECTIONS.get(problem["loc"][0], ColumnMapping)
+        message += f"; allowed: {', '.join(section.model_fields)}"
     return f"{location or 'mapping'}: {problem['input']!r:.60}: {message}"
 
 
