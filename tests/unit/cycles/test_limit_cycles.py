@@ -96,7 +96,7 @@ def test_two_folds_of_the_square_prism():
         return [[0, 1, 0, 0, 0], [-1, linear, -n * b / wind, n * c / wind**3, -n * d / wind**5]]
 
     prism = family(((1, 0), (0, 1), (0, 3), (0, 5), (0, 7)), matrix)
-    equilibria, cycles = cycles_of(prism, Range(0.5, 3), [0, 0], size=0.01)
+    equilibria, cycles = cycles_of(prism, Range(0.5, 3), [0, 0], sizes=(0.01,))
     assert hopf_points(equilibria)[0].point.solution.value == pytest.approx(1, abs=1e-9)
     assert [b.name for b in cycles.bifurcations] == ["fold of cycles"] * 2 and cycles.complete
     squares = np.sort(np.roots([-105 / 64 * d, 5 / 4 * c, -3 / 4 * b]))

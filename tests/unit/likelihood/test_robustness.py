@@ -3,9 +3,18 @@
 import numpy as np
 import pytest
 from identification_cases import LINE, SUPPORT, TIME, X, assert_found, noisy, solution
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from galloping import IdentifiedModel, PolynomialModel, Recording, maximum_likelihood, weak_gls
+from galloping import (
+    IdentifiedModel,
+    PolynomialModel,
+    Recording,
+    maximum_likelihood,
+    parse_model,
+    simulate,
+    weak_gls,
+)
 from galloping import polynomial_library as library
 from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import smooth_without_outliers
@@ -66,6 +75,31 @@ def test_noise_that_bursts_is_no_outlier() -> None:
     recording = Recording(time, ("x", "dx"), exact + 0.02 * noise)
     cleaned, _ = smooth_without_outliers(recording, 2.0 * np.pi)
     assert cleaned.samples > 0.999 * recording.samples
+
+
+def test_the_noise_of_counts_is_no_outlier() -> None:
+    """An epidemic is a single swell, shorter than four of its periods."""
+    days = np.arange(150.0)
+    epidemic = solve_ivp(
+        lambda _, x: [-0.35 * x[0] * x[1], (0.35 * x[0] - 0.1) * x[1]], (0.0, 150.0), [0.99, 0.01],
+        t_eval=days, rtol=1e-9,
+    ).y.T  # fmt: skip
+    counts = np.random.default_rng(202611301).poisson(1e4 * epidemic) / 1e4
+    found = maximum_likelihood(Recording(days, ("S", "I"), counts), library(2, 2))
+    assert not found.has_finding(Code.OUTLIERS)
+    assert found.has_finding(Code.NOISE_GROWS)
+
+
+@pytest.mark.parametrize("hum", [3.0, 7.3])
+def test_a_hum_has_its_own_frequency_and_not_that_to_which_windows_fold_it(hum: float) -> None:
+    rng, time = np.random.default_rng(202611302), np.arange(0.0, 80.0, 0.05)
+    van_der_pol = parse_model("x = dx; dx = 0.3 dx - 0.3 x^2 dx - x - 0.1 x^3")
+    x = simulate(van_der_pol, [0.05, 0.0], time).states[:, 0]
+    x = x + 0.1 * np.sin(2.0 * np.pi * hum * time) + 0.03 * rng.standard_normal(len(time))
+    values = np.column_stack([x, np.full(len(time), np.nan)])
+    found = maximum_likelihood(Recording(time, ("x", "dx"), values), library(2, 3))
+    (line,) = (each for each in found.findings if each.code is Code.RESIDUAL_LINE)
+    assert line.data["frequency_hz"] == pytest.approx(hum, abs=0.02)
 
 
 @pytest.mark.parametrize("share", [0.98, 0.7])

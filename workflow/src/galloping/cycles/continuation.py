@@ -222,7 +222,7 @@ def first_point(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -
     try:
         return point_at(problem, correct_guess(problem, guess, border), border)
     except NotConverged as failure:
-        place = f"{guess[-1]:g} {problem.family.unit}"
+        place = f"{guess[-1]:g} {problem.family.unit}".rstrip()
         raise ValueError(f"no {problem.sought} at {place}: {failure}") from None
 
 

@@ -32,6 +32,7 @@ MAX_STEP = 0.5  # longest continuation step, relative to the size and to the per
 MIN_AMPLITUDE = 1e-12  # smallest amplitude of a moving state, relative to the greatest state
 BRANCHING_STEP = 1e-2  # first step onto another branch, relative to the size of the orbit
 MIN_HARMONIC = 1e-6  # smallest amplitude of a harmonic, relative to the strongest one of an orbit
+FIRST_SIZES = 1e-3, 1e-2  # sizes of the first limit cycle of a branch
 MIN_ORBIT_SIZE = 1e-3  # smallest size, relative to the largest of a branch: less is an equilibrium
 
 
@@ -284,11 +285,23 @@ def _integrate_period(compiled, start: np.ndarray, period: float, steps: int) ->
     return states, derivative, end[0], end_derivative[0], truncation
 
 
-def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3) -> Branch:
+def from_hopf(
+    family: Family, hopf: Bifurcation, span: Range, sizes: tuple[float, ...] = FIRST_SIZES
+) -> Branch:
     """Compute the branch of limit cycles that starts from a Hopf bifurcation.
 
-    hopf: of `equilibrium_branch`. size: of the first limit cycle, in the sizes of the family.
+    hopf: of `equilibrium_branch`. sizes: of the first limit cycle, in the sizes of the family, in
+    order of trial: rounding may hide a small one. Raises ValueError if there is none.
     """
+    *smaller, last = sizes
+    for size in smaller:
+        with suppress(ValueError):
+            return _from_hopf(family, hopf, span, size)
+    return _from_hopf(family, hopf, span, last)
+
+
+def _from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float) -> Branch:
+    """Apply `from_hopf` with one size of the first limit cycle."""
     equilibrium, (frequency, mode) = hopf.point.solution, hopf.point.stability.critical()
     swing = mode * (size * np.sqrt(2) / np.linalg.norm(mode / family.sizes))
     orbit = circle(equilibrium.state, swing, 2 * np.pi / frequency, equilibrium.value, family.sizes)

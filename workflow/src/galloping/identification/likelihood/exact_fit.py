@@ -135,7 +135,10 @@ def _chain_residuals(start: Start, fit: ShootingFit) -> tuple[np.ndarray, Residu
     """Compute residuals of single shooting over every chain, and their diagnostics."""
     whole, condensed = fit.whole_chains, fit.record.condensed
     residual, _ = segment_residuals(whole.record, fit.free, whole.starts)
-    return residual, diagnose_residuals(condensed, residual, fit.n_parameters, start.period)
+    tests = diagnose_residuals(
+        condensed, residual, fit.n_parameters, start.period, start.recordings
+    )
+    return residual, tests
 
 
 def _refit_coloured_noise(

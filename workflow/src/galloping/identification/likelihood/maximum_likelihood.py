@@ -343,7 +343,7 @@ def _find_late_inputs(start: Start) -> list[Finding]:
 
 
 def _find_undersampled_inputs(start: Start, model: PolynomialModel) -> list[Finding]:
-    """Find inputs of a model that vary between samples more than half a period apart."""
+    """Find inputs of a model that vary between samples more than a quarter of a period apart."""
     present = model.without_absent_terms()
     exponents = exponent_matrix(present.terms, len(present.names))
     steps = undersampled_inputs(start.recordings, start.period)

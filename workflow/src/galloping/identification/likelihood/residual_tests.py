@@ -1,5 +1,6 @@
 """Tests of the residuals of a fit, which decide whether it is reliable."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,6 +11,8 @@ from scipy.special import ndtri
 from galloping.arrays import TIME_ROUNDING
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.observations import Code, Finding
+from galloping.identification.preparation.smoothing import sampled_rates
+from galloping.recording.samples import Recording
 
 # Rate of false objections to white noise, by the highest of all its spectral lines or by a sum of
 # squares.
@@ -81,17 +84,22 @@ class ResidualDiagnostics:
 
 
 def diagnose_residuals(
-    condensed: Condensed, residual: np.ndarray, parameters: int, period: float
+    condensed: Condensed,
+    residual: np.ndarray,
+    parameters: int,
+    period: float,
+    recordings: Sequence[Recording] = (),
 ) -> ResidualDiagnostics:
     """Test the residuals of a fit for whiteness and for their size against the noise.
 
     residual: (n_windows, n_observed, n_rows). parameters: number of parameters of the fit. period:
-    the shortest of the motion, s. Channels whose residuals are below MIN_RESIDUAL are left
-    out of the spectra.
+    the shortest of the motion, s. recordings: those of the fit, whose samples show the frequency of
+    a spectral line that is too high for the windows. Channels whose residuals are below
+    MIN_RESIDUAL are left out of the spectra.
     """
     limit = 1.5 * condensed.step / period * (1.0 - TIME_ROUNDING)  # a bin may be at the limit
     low, high, bins = [], [], np.zeros(2)
-    lines = [(0.0, 0.0, 0, 0)]  # height, frequency, channel, cycles
+    lines = [(0.0, 0.0, 0, 0, 0)]  # height, frequency, channel, cycles, recording
     band_power, excess = np.full(condensed.rows.shape, np.nan), np.zeros(condensed.rows.shape)
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o in range(residual.shape[1]):
@@ -111,7 +119,7 @@ def diagnose_residuals(
             high.append(power[~is_low].sum() / power.mean())
             bins += is_low.sum(), (~is_low).sum()
             peak, place = _highest_peak(power)
-            lines.append((peak, place / ((b - a) * condensed.step), o, place))
+            lines.append((peak, place / ((b - a) * condensed.step), o, place, r))
     band, band_allowed = np.nan, np.nan
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
@@ -120,7 +128,12 @@ def diagnose_residuals(
     m = 2 * NEIGHBOUR_BINS - 4
     tested = residual.shape[1] * int(condensed.first[-1]) / 2.0
     line_allowed = m * ((FALSE_OBJECTION_RATE / tested) ** (-1.0 / m) - 1.0)
-    line, frequency, channel, cycles = max(lines, key=lambda line: line[0])
+    line, frequency, channel, cycles, r = max(lines, key=lambda line: line[0])
+    if recordings and line > line_allowed:
+        one = recordings[r]
+        samples = sampled_rates(one) if condensed.is_rate[channel] else one.values
+        values = samples[:, condensed.observed[channel]]
+        frequency = _unfold(one.time, values, frequency, 1.0 / condensed.step)
     return ResidualDiagnostics(
         *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,
         band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,
@@ -149,6 +162,30 @@ def _max_mean_square(spread: float) -> float:
     spread: standard deviation of the mean square.
     """
     return float(1.0 + np.ceil(-ndtri(FALSE_OBJECTION_RATE)) * spread)
+
+
+def _unfold(time: np.ndarray, values: np.ndarray, frequency: float, rate: float) -> float:
+    """Find the frequency of a spectral line that means at a rate, Hz, fold to a given one.
+
+    time, s, and values: (n,) the samples, at a higher rate. Of the frequencies that fold to the
+    given one, the line has the highest power relative to its neighbours.
+    """
+    is_known = np.isfinite(values)
+    time, values = time[is_known], values[is_known] - values[is_known].mean()
+    sampling_rate = 1.0 / np.median(np.diff(time))
+    multiples = rate * np.arange(1 + int(sampling_rate / rate))
+    candidates = np.append(multiples + frequency, multiples - frequency)
+    # the samples fold frequencies too
+    candidates = np.abs(candidates - sampling_rate * np.round(candidates / sampling_rate))
+    shifts = np.arange(3, NEIGHBOUR_BINS + 1) / np.ptp(time)
+    nearby = np.concatenate([[0.0], shifts, -shifts])
+
+    def height(candidate: float) -> float:
+        phases = np.exp(-2j * np.pi * np.outer(candidate + nearby, time))
+        line, *others = np.abs(phases @ values) ** 2
+        return float(line / np.mean(others))
+
+    return float(max(candidates, key=height))
 
 
 def _highest_peak(power: np.ndarray) -> tuple[float, int]:

@@ -90,7 +90,7 @@ def held_inputs(problem: Problem, recordings: Sequence[Recording]) -> list[str]:
 
 
 def undersampled_inputs(recordings: Sequence[Recording], period: float) -> dict[str, float]:
-    """Find inputs that vary between samples that are more than half a period apart.
+    """Find inputs that vary between samples that are more than a quarter of a period apart.
 
     They do if neighbouring samples do not predict each sample: fluctuations at the frequencies of
     the motion are lost. period: of the motion, s. Returns the longest step, s, of each, by name.
@@ -107,7 +107,7 @@ def undersampled_inputs(recordings: Sequence[Recording], period: float) -> dict[
             unpredicted = np.var(values[1:-1] - (values[:-2] + values[2:]) / 2.0)
             varies = unpredicted > MIN_UNPREDICTED_SHARE * np.var(values)
             matters = unpredicted > MIN_UNPREDICTED_SQUARE * np.mean(values**2)
-            if step > period / 2.0 and varies and matters:
+            if step > period / 4.0 and varies and matters:
                 steps[name] = max(step, steps.get(name, 0.0))
     return steps
 

@@ -3,6 +3,7 @@
 Removed samples become NaN, which every later stage treats as missing.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -92,9 +93,19 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
     and well above the accuracy of the curve itself and the resolution of the channel; the curve is
     fitted again until none is left. The deviation is that of the channel and also that of the
-    samples within some four periods, as noise may vary with the signal. Raises IdentificationError
-    if more than a tenth of the samples of a channel would be removed.
+    samples within some four periods, or an eighth of the recording, as noise may vary with the
+    signal. Raises IdentificationError if more than a tenth of the samples of a channel would be
+    removed.
     """
+    with suppress(IdentificationError):
+        return _smooth_without_outliers(recording, period, 4.0 * period)
+    return _smooth_without_outliers(recording, period, np.ptp(recording.time) / 8.0)
+
+
+def _smooth_without_outliers(
+    recording: Recording, period: float, length: float
+) -> tuple[Recording, Smooth]:
+    """Apply `smooth_without_outliers` with the noise of samples within some length, s."""
     n_given = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
     floor = np.maximum(
@@ -110,7 +121,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
             limit = 5.5 * np.maximum(1.4826 * np.median(gap[good]), floor[k])
             far[good, k] = gap[good] > limit
             if far[:, k].any():
-                near = _local_median(recording.time[good], gap[good], 4.0 * period)
+                near = _local_median(recording.time[good], gap[good], length)
                 far[good, k] &= gap[good] > 5.5 * 1.4826 * near
         if not far.any():
             return recording, smoothed
