@@ -71,17 +71,26 @@ def test_the_onset_lies_where_the_damping_vanishes():
     assert unsure.high == np.inf and unsure.low <= 4.0
 
 
-def test_a_second_motion_that_begins_to_grow_is_no_end_of_growth():
-    """x grows at any wind, and q above U = 5."""
+def two_oscillators(damping_of_x):
+    """Model of q, which grows above U = 5, and x, which the wind does not change."""
     terms, _ = parse_library("q + dq + U*dq + dq^3 + x + dx + dx^3", ("q", "dq", "x", "dx"), ("U",))
     coefficients = np.zeros((4, len(terms)))
     coefficients[0, 1] = coefficients[2, 5] = 1.0
     coefficients[1, :4] = -9.0, -0.3, 0.06, -0.05
-    coefficients[3, 4:] = -40.0, 0.1, -0.05
+    coefficients[3, 4:] = -40.0, -damping_of_x, -0.05
     model = PolynomialModel(("q", "dq", "x", "dx"), terms, coefficients, ("U",))
-    found = IdentifiedModel(model, "ok", initial_states=np.array([[0.5, 0.0, 0.5, 0.0]]))
-    (onset,) = assess(found, {"U": np.array([3.0, 9.0])}).onsets
+    return IdentifiedModel(model, "ok", initial_states=np.array([[0.5, 0.0, 0.5, 0.0]]))
+
+
+def test_a_second_motion_that_begins_to_grow_is_no_end_of_growth():
+    (onset,) = assess(two_oscillators(-0.1), {"U": np.array([3.0, 9.0])}).onsets
     assert onset.is_growing_above and onset.value.value == pytest.approx(5.0, abs=1e-6)
+
+
+def test_rounding_of_a_motion_without_damping_is_no_onset():
+    answer = assess(two_oscillators(0.0), {"U": np.array([3.0, 9.0])})
+    assert not answer.onsets
+    assert any("has no damping" in note for note in answer.notes)
 
 
 def test_a_line_has_the_onset_of_its_closed_form_and_both_its_limit_cycles():

@@ -306,8 +306,14 @@ def _assess_range(
 def _follow_branches(
     family: Family, span: Range, rest: np.ndarray, start: np.ndarray
 ) -> tuple[Diagram | None, list[str]]:
-    """Follow an equilibrium and the limit cycles along a range; also return notes on them."""
+    """Follow an equilibrium and the limit cycles along a range; also return notes on them.
+
+    A motion without damping at all values has no onset, but rounding looks like many.
+    """
     middle = (span.low + span.high) / 2
+    if undamped := _find_undamped(family, (span.low, middle, span.high), rest):
+        frequency = f"{undamped / (2.0 * np.pi):.3g} Hz"
+        return None, [f"no onset is known: in the model, a motion at {frequency} has no damping"]
     motion = _settle_motion(family.model(middle), start)
     is_cycle = motion.kind == "cycle"
     size = float(np.linalg.norm(motion.half_range / family.sizes)) if is_cycle else np.inf
@@ -325,6 +331,16 @@ def _follow_branches(
         if (more := _count_growing(upper) - _count_growing(lower)) % 2
     ]
     return branches, [*without_oscillation, *branches.failures, *incomplete]
+
+
+def _find_undamped(family: Family, values: Sequence[float], rest: np.ndarray) -> float:
+    """Find the frequency, rad/s, of a small motion that no value damps or excites; 0 if none."""
+    frequencies = []
+    for value in values:
+        modes = family.model(value).small_motions(rest).oscillations()
+        is_neutral = np.abs(modes.damping) < MIN_DAMPING_RATIO
+        frequencies.append(float(np.max(modes.omega[is_neutral], initial=0.0)))
+    return min(frequencies)
 
 
 def _find_onsets(
