@@ -116,8 +116,7 @@ def describe_setting(paper: pd.DataFrame, region: pd.DataFrame | None, unfitted:
     first = next(iter(joint["case"]), "")
     for row in joint[joint["case"] == first].to_dict("records"):
         count = int(re.findall(r"\d+", row["claim"])[0])
-        claims = "claims about noisy recordings that are not printed errors"
-        which = claims if "except" in row["claim"] else "bounds of R2"
+        which = "bounds and comparisons" if "except" in row["claim"] else "bounds of R2"
         text += f" {format_percent(row['share_met'])} of the noise realisations satisfy all "
         text += f"{count} {which}."
     numbers = paper[(paper["role"] == "counted") & paper["spread"].notna()]
