@@ -133,7 +133,7 @@ def diagnose_residuals(
         one = recordings[r]
         samples = sampled_rates(one) if condensed.is_rate[channel] else one.values
         values = samples[:, condensed.observed[channel]]
-        frequency = _unfold(one.time, values, frequency, 1.0 / condensed.step)
+        frequency = _unfold(one.time, values, frequency, 1.0 / condensed.step, line_allowed)
     return ResidualDiagnostics(
         *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,
         band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,
@@ -164,11 +164,14 @@ def _max_mean_square(spread: float) -> float:
     return float(1.0 + np.ceil(-ndtri(FALSE_OBJECTION_RATE)) * spread)
 
 
-def _unfold(time: np.ndarray, values: np.ndarray, frequency: float, rate: float) -> float:
+def _unfold(
+    time: np.ndarray, values: np.ndarray, frequency: float, rate: float, least: float
+) -> float:
     """Find the frequency of a spectral line that means at a rate, Hz, fold to a given one.
 
     time, s, and values: (n,) the samples, at a higher rate. Of the frequencies that fold to the
-    given one, the line has the highest power relative to its neighbours.
+    given one, the line has the highest power relative to its neighbours. least: height of a line
+    that is no noise. Returns the given frequency if no line is higher.
     """
     is_known = np.isfinite(values)
     time, values = time[is_known], values[is_known] - values[is_known].mean()
@@ -185,7 +188,8 @@ def _unfold(time: np.ndarray, values: np.ndarray, frequency: float, rate: float)
         line, *others = np.abs(phases @ values) ** 2
         return float(line / np.mean(others))
 
-    return float(max(candidates, key=height))
+    highest = max(candidates, key=height)
+    return float(highest) if height(highest) > least else frequency
 
 
 def _highest_peak(power: np.ndarray) -> tuple[float, int]:

@@ -185,8 +185,8 @@ def _with_chosen_terms(fit: ForcedFit, is_allowed: np.ndarray, noise: np.ndarray
 
     The fit itself is returned if it has the selected terms. Some terms that the data alone hardly
     determine are kept too, so that intervals include them: the effect of inputs on the damping of a
-    coordinate; and its cubic damping and stiffness, if any nonlinear term is selected. The linear
-    terms would otherwise replace these.
+    coordinate; and its cubic damping and stiffness, if any nonlinear term is selected, or if a
+    motion grows, which nonlinear terms limit. The linear terms would otherwise replace these.
     """
     setup, problem, unit = fit.setup, fit.setup.problem, fit.setup.unit
     pairs = {velocity: [velocity, i] for i, velocity in setup.channels.pairs.items()}
@@ -207,7 +207,7 @@ def _with_chosen_terms(fit: ForcedFit, is_allowed: np.ndarray, noise: np.ndarray
         offset[is_allowed],
     )  # fmt: skip
     is_nonlinear = np.any(support & (problem.degrees > 1))
-    support |= is_damping | (is_cubic & is_nonlinear)
+    support |= is_damping | (is_cubic & (is_nonlinear or np.any(fit.modes.damping < 0.0)))
     if np.array_equal(support, fit.support):
         return fit
     free, _ = solve_support(information, right + information @ coefficients, support)
