@@ -7,7 +7,7 @@ import pytest
 from ambient import DAMPING, FREQUENCIES, STATES, displacements, swing, two_modes
 from scipy.signal import lfilter
 
-from galloping import maximum_likelihood, parse_model
+from galloping import maximum_likelihood, parse_model, simulate
 from galloping.identification.random_forces.start import MEAN_BINS, estimate_spectra
 from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.model.intervals import decay_interval
@@ -257,6 +257,22 @@ def test_a_weak_mode_that_is_missing_is_told():
     (other,) = found.resonances
     assert found.status == "ok"
     assert other.frequency == pytest.approx(2.0 * np.pi * 0.8, rel=0.01)
+
+
+def test_the_growth_of_a_motion_that_settles_is_not_its_mean():
+    """A second mode of the same sensor dies out, which looks like a random force."""
+    both = parse_model("x = dx; dx = 0.1 dx - x - 0.1 dx^3; y = dy; dy = -1.5 y - 0.1 dy")
+    time, rng = np.arange(0.0, 80.0, 0.05), np.random.default_rng(202611303)
+    motion = simulate(both, [0.05, 0.0, 0.1, 0.0], time).states
+    x = motion[:, 0] + motion[:, 2]
+    x = x + 0.05 * x.std() * rng.standard_normal(len(time))
+    values = np.column_stack([x, np.full(len(time), np.nan)])
+    recording = Recording(time, ("x", "dx"), values)
+    found = maximum_likelihood(recording, polynomial_library(2, 3), forced=("x",))
+    errors = found.unconditional_errors[1]
+    for name, true in {"x": -1.0, "dx": 0.1, "dx^3": -0.1}.items():
+        k = found.model.term_names.index(name)
+        assert abs(found.model.coefficients[1, k] - true) < 3.0 * errors[k]
 
 
 def test_intervals_of_decay_are_open_where_little_is_told():
