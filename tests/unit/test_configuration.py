@@ -203,7 +203,8 @@ REFUSED = [
      "'/a.csv' cannot be published; must be below the working folder"),
     ("recordings.a.case", nested("recordings.a", {"files": ["a.csv"], "case": "b"}),
      "'b' is no case; must be one of internal_resonance"),
-    ("sweeps.wind.values", [10, 12, 5], "[10, 12, 5] is not a range", "2 to 1000 values"),
+    *(("sweeps.wind.values", [10, 12, step], f"[10, 12, {step}] is not a range", "2 to 1000 values")
+      for step in (5, 0, -1)),
     ("sweeps.a.values",
      nested("sweeps.a", {"parameter": "damping_ratio", "values": [0.5, 1.5, 0.1]}),
      "1.5 as damping_ratio: input should be less than 1"),

@@ -294,7 +294,8 @@ class SweepSection(keys("sweep", parameter=PARAMETER_NAME, second=PARAMETER_NAME
     def _check_range(cls, values: tuple | None) -> tuple | None:
         if values is not None:
             first, last, step = values
-            if not (first < last and 1 - 1e-9 <= (last - first) / step <= MAX_SWEEP_VALUES):
+            steps = (last - first) / step if step > 0 else 0.0
+            if not 1 - 1e-9 <= steps <= MAX_SWEEP_VALUES:
                 raise make_error(
                     f"{show(values)} is not a range: must be a first and a larger last value, and "
                     f"a step that gives 2 to {MAX_SWEEP_VALUES} values"
