@@ -173,6 +173,10 @@ REFUSED = [
     ("results", "a" * 101, f"'{'a' * 56}... is not allowed", "at most 100 letters"),
     *(("reference", folder, repr(folder), "from the root or the working folder")
       for folder in ("", "a//b", "a b", "a/", "a\n", "{x}", "~/x", "<x>")),
+    ("recordings.a.files", ["s p.csv"], "'s p.csv'", "each must be a path of letters, digits,"),
+    ("recordings.a.files", ["a.csv", "/tmp"], "'/tmp' is a folder; must be a file"),
+    ("recordings.a.mapping", nested("recordings.a", {"files": ["a.csv"], "mapping": "/tmp"}),
+     "'/tmp' is a folder; must be a file"),
     *(("results", folder, repr(folder), "the project's own; must be another folder")
       for folder in ("config", "Workflow/x", "tests/unit", "results/reference/a")),
     ("results", {"results": "mine/here", "reference": "mine"}, "in the folder of the reference"),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
+    AfterValidator,
     Field,
     ValidationError,
     ValidationInfo,
@@ -153,8 +154,25 @@ FolderName = Annotated[
     Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$", max_length=100),
 ]
 FolderPath = Annotated[
-    str, Field(pattern=r"^/?[A-Za-z0-9_.-]{1,255}(/[A-Za-z0-9_.-]{1,255})*$", max_length=1000)
+    str,
+    Field(
+        pattern=r"^/?[A-Za-z0-9_.-]{1,255}(/[A-Za-z0-9_.-]{1,255})*$",
+        max_length=1000,
+        json_schema_extra={
+            "rule": "a path of letters, digits, '_', '-' and '.', from the root or the working "
+            "folder"
+        },
+    ),
 ]
+
+
+def _refuse_folder(path: str) -> str:
+    if Path(path).is_dir():
+        raise make_error(f"{show(path)} is a folder; must be a file")
+    return path
+
+
+FilePath = Annotated[FolderPath, AfterValidator(_refuse_folder)]
 # folders of the project's clone that cannot contain results
 PROJECT_FOLDERS = ("config", "tests", "workflow", "results/reference")
 
@@ -234,9 +252,7 @@ Identification = create_model(
 )
 
 
-class RecordingsSection(
-    keys("recordings", files=FolderPath, mapping=FolderPath, known=str, case=Name)
-):
+class RecordingsSection(keys("recordings", files=FilePath, mapping=FilePath, known=str, case=Name)):
     """Files with measured recordings of one system, and how a model is identified from them."""
 
     @field_validator("publish")
