@@ -178,7 +178,7 @@ REFUSED = [
     ("recordings.a.mapping", nested("recordings.a", {"files": ["a.csv"], "mapping": "/tmp"}),
      "'/tmp' is a folder; must be a file"),
     *(("results", folder, repr(folder), "the project's own; must be another folder")
-      for folder in ("config", "Workflow/x", "tests/unit", "results/reference/a")),
+      for folder in ("config", "docs", "examples/a", "Workflow/x", "results/reference/a")),
     ("results", {"results": "mine/here", "reference": "mine"}, "in the folder of the reference"),
     # of a line
     (f"{CASE}.spacers.positions", [75, 300], "300 is beyond the span (300 m)", "> 0 and < 300 m"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from galloping.reproducibility.lock import RESULT_FOLDERS, Obstacle, check_places
+from galloping.reproducibility.lock import LOCK_FILE, RESULT_FOLDERS, Obstacle, check_places
 from galloping.reproducibility.receipts import (
     DIGEST_FILE,
     Receipt,
@@ -81,6 +81,13 @@ def test_what_lies_where_something_else_belongs_is_named(path, is_folder):
     with pytest.raises(Obstacle, match=re.escape(path)) as fault:
         check_places(RESULTS)
     assert "\n" not in str(fault.value)
+
+
+def test_results_among_the_tables_of_another_study_are_refused():
+    Path(RESULTS, LOCK_FILE).touch()
+    check_places(f"{RESULTS}/wide/tables")
+    with pytest.raises(Obstacle, match=f"^results: '{RESULTS}/tables/x' is in the results of"):
+        check_places(f"{RESULTS}/tables/x")
 
 
 def test_the_folders_of_results_are_those_of_the_rules():

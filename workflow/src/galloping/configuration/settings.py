@@ -174,7 +174,9 @@ def _refuse_folder(path: str) -> str:
 
 FilePath = Annotated[FolderPath, AfterValidator(_refuse_folder)]
 # folders of the project's clone that cannot contain results
-PROJECT_FOLDERS = ("config", "tests", "workflow", "results/reference")
+PROJECT_FOLDERS = (
+    "config", "docs", "examples", "profiles", "results/reference", "tests", "workflow",
+)  # fmt: skip
 
 MIN_WINDOW_INTERVALS = 10  # sampling intervals in a steady window; fewer show no amplitude
 MAX_SAMPLING_INTERVALS = 10_000_000  # in a simulation; more are likely a mistake

@@ -96,8 +96,16 @@ def check_disk(results: str) -> None:
 
 
 def check_places(results: str) -> None:
-    """Raise Obstacle if a file is in the place of a folder of the study, or vice versa."""
+    """Raise Obstacle if a file is in the place of a folder of the study, or vice versa.
+
+    Also if the results would be in a folder of another study's results, such as its tables.
+    """
     root = Path(results)
+    for study in root.parents:
+        inside = root.relative_to(study)
+        if inside.parts[0] in RESULT_FOLDERS and (study / LOCK_FILE).exists():
+            text = f"results: {results!r} is in the results of another study, {study}"
+            raise Obstacle(f"{text}; must be outside {study / inside.parts[0]}")
     folders = (
         Path(".snakemake"),
         *reversed(root.parents),
