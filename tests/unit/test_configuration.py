@@ -254,11 +254,13 @@ def test_every_problem_is_reported_at_once_and_many_are_a_few_lines():
     assert len(many) == 21 and many[-1] == "configuration: and 2980 more problems"
 
 
-def test_a_file_in_place_of_the_results_is_one_line(tmp_path, monkeypatch):
+def test_a_file_or_broken_link_in_place_of_the_results_is_one_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("Makefile").touch()
-    for folder in ("Makefile", "Makefile/results"):
-        line = "results: 'Makefile' is a file; must be a folder, or not there"
+    Path("lost").symlink_to("nowhere")
+    for folder in ("Makefile", "Makefile/results", "lost", "lost/results"):
+        what = f"{folder.split('/')[0]!r} is a file or a broken link"
+        line = f"results: {what}; must be a folder, or not there"
         assert complaint({"results": folder}) == line
 
 

@@ -141,7 +141,14 @@ def same_size_and_times(path):
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
-@pytest.mark.parametrize("harm", [lambda p: os.truncate(p, 1), same_size_and_times])
+def replace_by_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    "harm", [lambda p: os.truncate(p, 1), same_size_and_times, replace_by_folder]
+)
 def test_what_is_not_as_its_receipt_says_is_named(harm):
     model, table, lost = make("models/a.json"), make("tables/t.csv"), make("tables/u.csv")
     kept.remember(RESULTS, look())

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from inspect import signature
 from itertools import pairwise, product
 from math import inf
+from os.path import lexists
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -425,10 +426,9 @@ class Settings(
         for part in (path, *path.parents):
             if part.as_posix().lower() in PROJECT_FOLDERS:
                 raise make_error(f"{show(results)} is the project's own; must be another folder")
-            if part.exists() and not part.is_dir():
-                raise make_error(
-                    f"{show(part.as_posix())} is a file; must be a folder, or not there"
-                )
+            if lexists(part) and not part.is_dir():
+                text = f"{show(part.as_posix())} is a file or a broken link"
+                raise make_error(f"{text}; must be a folder, or not there")
         return results
 
     @model_validator(mode="after")

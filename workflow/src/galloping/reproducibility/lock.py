@@ -113,7 +113,11 @@ def check_places(results: str) -> None:
         *map(root.joinpath, RESULT_FOLDERS),
     )
     files = (Path(".snakemake", "seen.json"), root / LOCK_FILE, root / "report.html")
-    wrong = [(path, "file", "folder") for path in folders if path.exists() and not path.is_dir()]
+    wrong = [
+        (path, "file or a broken link", "folder")
+        for path in folders
+        if os.path.lexists(path) and not path.is_dir()
+    ]
     wrong += [(path, "folder", "file") for path in files if path.is_dir()]
     for path, kind, wanted in wrong:
         raise Obstacle(f"{path} is a {kind} where a {wanted} belongs: move it away and run again.")

@@ -48,7 +48,9 @@ class Receipt:
 
 
 def digest(path: str | Path) -> str:
-    """Compute the SHA-256 of a file as hexadecimal text."""
+    """Compute the SHA-256 of a file as hexadecimal text; `folder` if the path is a folder."""
+    if Path(path).is_dir():
+        return "folder"
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
