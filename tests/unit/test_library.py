@@ -276,6 +276,7 @@ galloping.measure(LINE, MOTION, level=5) | level: 5 is noise of 500 % of the mot
 galloping.measure(LINE, MOTION, level=-1) | level: -1; must be >= 0
 galloping.measure(LINE, MOTION, seed=-1) | seed: -1; must be a whole number >= 0
 galloping.parse_model(None) | text: None; must be text
+galloping.derive(simulation={}, cases={}) | cases: is a key of a study; must be a key of one case
 galloping.derive(wind={"speed": 1000}) | wind.speed: 1000 is not allowed; must be 0.1..120 m/s
 """
 ENDINGS = {

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import as_finite, as_increasing, checked_state, one_thread
 from galloping.configuration.load import load, plain
+from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ConfigurationError
 from galloping.evaluation.bounds import Experiment, on_library, state_bound
 from galloping.line.galerkin import coefficients
@@ -46,6 +47,9 @@ def derive(**sections: Mapping[str, object] | float) -> PolynomialModel:
     ConfigurationError
         A ValueError with one line for each problem.
     """
+    if keys := sorted(Settings.model_fields.keys() & sections.keys()):
+        text = f"{keys[0]}: is a key of a study; must be a key of one case, such as wind"
+        raise ConfigurationError(f"{text}, without `cases:`")
     try:
         settings = load({"cases": {"line": sections}})
     except ConfigurationError as error:
