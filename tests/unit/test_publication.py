@@ -379,6 +379,14 @@ def test_other_results_are_kept_unless_told(published, told):
     assert Path(RESULTS, "notes.txt").read_text() == "mine\n"
 
 
+def test_a_digest_may_be_pasted_with_blanks_and_capitals(here):
+    (here / "a.zip").write_text("any")
+    right = digest("a.zip")
+    assert archive.check_digest("a.zip", f"{right.upper()} ") == right
+    with pytest.raises(NotRestorable, match=f"^a.zip: SHA-256 {right}, not 12$"):
+        archive.check_digest("a.zip", "12")
+
+
 def test_a_forged_table_does_not_replace_what_was_computed_here(published, told):
     write(Path(), CONTENT)
     for made in made_here().values():

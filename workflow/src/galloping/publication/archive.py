@@ -145,7 +145,7 @@ RECEIPT_LIST = TypeAdapter(list[Receipt])
 def check_digest(archive: str | Path, expected: str | None) -> str:
     """Return an archive's SHA-256; raise NotRestorable unless it is the `expected` one, if any."""
     present = digest(archive)
-    if expected and present != expected.lower():
+    if expected and present != expected.strip().lower():
         raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
     return present
 
