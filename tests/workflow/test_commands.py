@@ -116,6 +116,11 @@ def test_the_command_of_a_copied_clone_runs_its_own_library(root, tmp_path):
     assert said == f"{place}/python {clone}/workflow/src -m galloping\n"
 
 
+def test_help_starts_no_run(root):
+    status, said = script(root, "run_study", "--help")
+    assert status == 0 and said[0].startswith("usage: run_study.py [-h] [--repair] [--only FILE")
+
+
 @pytest.mark.parametrize("cores", ["0", "1.5"])
 def test_a_number_of_cores_that_is_none_is_one_line(root, cores):
     assert script(root, "run_study", "--cores", cores) == (

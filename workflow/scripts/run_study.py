@@ -1,9 +1,6 @@
 """Run the study, with one line that says why it cannot run or stops.
 
-Usage: run_study.py [--repair] [--only FILE ...] [options for snakemake]
---only: make these results and what they need, instead of the whole study.
---repair: first make the study fit to continue after a kill, a crash, a manual edit or a lost
-.snakemake.
+All further options are options of Snakemake.
 """
 
 import argparse
@@ -54,9 +51,20 @@ LAST_LINES = 20  # lines of Snakemake's output that are shown if no log has a re
 
 def main(*arguments: str) -> int:
     """Run the study with command-line arguments, and return the exit code."""
-    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--repair", action="store_true")
-    parser.add_argument("--only", nargs="+", default=[])
+    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser.add_argument(
+        "--repair",
+        action="store_true",
+        help="first make the study fit to continue after a kill, a crash, a manual edit or a lost "
+        ".snakemake",
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="make these results and what they need, instead of the whole study",
+    )
     flags, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
     parser.add_argument("--cores", nargs="?", const="")
