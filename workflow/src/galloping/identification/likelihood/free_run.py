@@ -54,8 +54,7 @@ def approximate_free_runs(
     approximation = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
     squares = condensed.sum_squares(residual)
     noise = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
-    missed = Finding.of(Code.FREE_RUN_MISSES, share=0.0)
-    return as_identified(approximation, residual, noise, objections, missed)
+    return as_identified(approximation, residual, noise, objections, Code.FREE_RUN_MISSES)
 
 
 def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:

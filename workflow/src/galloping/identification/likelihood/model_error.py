@@ -123,8 +123,9 @@ def fit_approximation(
     residual = condensed.targets - record.predict_projections(fit.free, fit.starts)
     spare = condensed.is_known | (condensed.counts > condensed.rows)  # else noise is not estimated
     noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
-    missed = Finding.of(Code.FORECASTS_MISS, span_s=record.stretch, share=0.0)
-    return as_identified(approximation, residual, noise, objections, missed)
+    return as_identified(
+        approximation, residual, noise, objections, Code.FORECASTS_MISS, span_s=record.stretch
+    )
 
 
 def as_identified(
@@ -132,22 +133,21 @@ def as_identified(
     residual: np.ndarray,
     noise: np.ndarray,
     objections: Sequence[Finding],
-    missed: Finding,
+    missed: Code,
+    **data: float,
 ) -> IdentifiedModel:
     """Convert an approximate fit to an `IdentifiedModel` with findings on its errors.
 
     residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are searched
     for. noise: (n_recordings, n_observed) of a sample. objections: reasons why no model of the
-    library is right. missed: a finding made for each channel, with the share of its motion that the
-    model misses. The diagnostics are the R2 of the forecasts and these shares.
+    library is right. missed: code of a finding made for each channel, with the share of its motion
+    that the model misses. data: further data of this finding. The diagnostics are the R2 of the
+    forecasts and these shares.
     """
     fit, record = approximation.fit, approximation.fit.record
     condensed, problem = record.condensed, record.problem
     shares = dict(zip(record.channel_names, approximation.error_shares, strict=True))
-    misses = [
-        replace(missed, subject=name, data={**missed.data, "share": share})
-        for name, share in shares.items()
-    ]
+    misses = [Finding.of(missed, name, **data, share=share) for name, share in shares.items()]
     sigma, of_rates = condensed.noise_by_state(problem.states, noise)
     further = find_further_modes(problem.states, condensed, residual)
     lacking = (
