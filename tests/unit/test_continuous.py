@@ -222,7 +222,7 @@ def test_no_coefficient_is_true_but_the_motion_is_judged():
     found = seen(modes=3)
     truth = Truth(line, SHORT, found.states, (20.0, 30.0), is_own_model=False)
     unbounded = np.full((1, *line.coefficients.shape), np.nan)
-    (row,), _ = evaluate(truth, {"any": [IdentifiedModel(line, "ok")]}, unbounded)
+    (row,), _ = evaluate(truth, {"any": [IdentifiedModel(line, is_judged=True)]}, unbounded)
     assert np.isnan([row["e2"], row["missing"], row["mean_error_linear_percent"]]).all()
     assert row["motion"] == "ok" and row["r2_q_v"] > 0.9
     assert np.isfinite(row["amplitude_error_q_w_percent"])

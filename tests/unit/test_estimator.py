@@ -93,7 +93,7 @@ def test_rates_and_motions_are_arrays_as_of_pysindy(duffing):
 
 def test_a_motion_that_diverges_warns():
     model = MaximumLikelihood(feature_names=["x"])
-    model.model_ = galloping.IdentifiedModel(galloping.parse_model("x = x^2"), "ok")
+    model.model_ = galloping.IdentifiedModel(galloping.parse_model("x = x^2"), is_judged=True)
     with pytest.warns(RuntimeWarning, match="diverged"):
         states = model.simulate([1.0], TIME)
     assert np.isnan(states[-1]).all()

@@ -24,7 +24,7 @@ INF = float("inf")
 
 def unjudged(true, coefficients):
     """What a method without a verdict returns."""
-    return IdentifiedModel(replace(true, coefficients=coefficients), "unjudged")
+    return IdentifiedModel(replace(true, coefficients=coefficients))
 
 
 def short_truth(line, on=None):
@@ -180,7 +180,7 @@ def test_a_term_that_the_library_lacks_is_missing():
     lacking = 5  # gamma_6 to gamma_8, kappa_4, kappa_5
     assert truth.model.support[:, len(terms) :].sum() == lacking
     within = PolynomialModel(line.states, terms, truth.model.coefficients[:, : len(terms)])
-    exact = IdentifiedModel(within, "unjudged")
+    exact = IdentifiedModel(within)
     (motion,) = reconstruct(truth, [exact])
     assert motion.status == "ok"
     row = score(truth, exact, motion, np.full(truth.model.coefficients.shape, np.nan))

@@ -146,7 +146,7 @@ def test_possible_terms_are_those_of_the_identified_equations_and_the_library(
     line = LINE.model.on_polynomials(settings["degree"])
     count = len(polynomial_library(4, settings["degree"]))
     library = PolynomialModel(line.states, line.terms[:count], line.coefficients[:, :count])
-    models = {"a": {"weak": [IdentifiedModel(library, "unjudged", known=known)]}}
+    models = {"a": {"weak": [IdentifiedModel(library, known=known)]}}
     figure = draw_coefficients(LINE, models, settings, scores((0, 0.05)).assign(spurious=0))
     assert f"of {possible} possible" in figure.axes[0].get_title(loc="left")
 
@@ -193,7 +193,7 @@ def line_models():
     line = LINE.model.on_library(polynomial_library(4, 3))
     off = line.coefficients.copy()
     off[2, 0], off[3, 4] = 9.0, 0.0
-    return [IdentifiedModel(each, "unjudged") for each in (line, replace(line, coefficients=off))]
+    return [IdentifiedModel(each) for each in (line, replace(line, coefficients=off))]
 
 
 def shown(bad):

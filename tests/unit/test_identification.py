@@ -249,7 +249,7 @@ def test_results_come_back_from_files(tmp_path):
     model = OSCILLATOR
     errors = np.array([[np.nan] * 3, [0.01, np.nan, 2e-4]])
     kept = IdentifiedModel(
-        model, "not identifiable", (Finding.of(Code.TERM_PLAUSIBLE, terms="q", chi2=-9.0),), errors,
+        model, (Finding.of(Code.TERM_PLAUSIBLE, terms="q", chi2=-9.0),), True, errors,
         detection_limits=np.full((2, 3), np.inf),
         covariance=np.eye(2), chi2=1.5, known=(0,),
     )  # fmt: skip
@@ -260,7 +260,7 @@ def test_results_come_back_from_files(tmp_path):
         resonances=(Resonance(2.0, 0.1, (0.1, 0.01), (0.0, 1.0), (0.0, 0.1, 0.2)),),
     )  # fmt: skip
     failed = IdentifiedModel.refused(model.states, model.terms, [Finding.of(Code.STATE_ZERO)])
-    unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
+    unjudged = IdentifiedModel(model, thresholds=np.array([0.1, 0.2]))
     for name in ("a.json", "b.json"):
         write_identified(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
     assert read_identified(tmp_path / "a.json") == {"a": [sure, failed], "b": [unjudged]}
@@ -270,18 +270,25 @@ def test_results_come_back_from_files(tmp_path):
         assert IdentifiedModel.load(tmp_path / "one.json") == result
 
 
+def test_the_status_of_a_model_that_was_assessed_follows_from_its_findings():
+    bare, doubt = IdentifiedModel(OSCILLATOR), Finding.of(Code.SINGLE_START)
+    assert (bare.status, bare.with_findings(doubt).status) == ("unjudged", "unjudged")
+    found = replace(bare, is_judged=True)
+    assert (found.status, found.with_findings(doubt).status) == ("ok", "not identifiable")
+
+
 def test_a_model_prints_and_moves(resonant):
     line, trajectory = resonant
     model = OSCILLATOR
     errors = np.array([[np.nan] * 3, [0.01, 2e-4, np.nan]])
-    result = IdentifiedModel(model, "ok", standard_errors=errors, known=(0,))
+    result = IdentifiedModel(model, is_judged=True, standard_errors=errors, known=(0,))
     assert str(result).splitlines() == [
         "d(x)/dt = 1 dx",
         "d(dx)/dt = (0.300 ± 0.010) + (-2.00000 ± 0.00020) x",
         "ok",
     ]
     assert result.support.tolist() == [[False] * 3, [True, True, False]]
-    moved = IdentifiedModel(line, "unjudged").simulate(trajectory.states[0], trajectory.time)
+    moved = IdentifiedModel(line).simulate(trajectory.states[0], trajectory.time)
     assert np.array_equal(moved.states[:100], trajectory.states[:100])
 
 

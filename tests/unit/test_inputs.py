@@ -106,7 +106,7 @@ def test_the_covariance_follows_to_constant_inputs(tmp_path):
     errors[support] = np.sqrt(np.diag(covariance))
     rivals = LINE.coefficients * [[[1.0], [1.1]], [[1.0], [0.0]]]
     found = IdentifiedModel(
-        LINE, "ok", standard_errors=errors, covariance=covariance, known=(0,), rivals=rivals,
+        LINE, standard_errors=errors, covariance=covariance, known=(0,), rivals=rivals,
         rival_share=0.25,
     )  # fmt: skip
     held = found.at({"U": 11.0})
@@ -128,7 +128,7 @@ def test_a_term_without_a_detection_limit_has_none_at_constant_inputs():
     coefficients = LINE.coefficients * (np.arange(LINE.coefficients.shape[1]) > 0)
     limits = np.full(coefficients.shape, np.nan)
     limits[1, 0] = np.inf
-    found = IdentifiedModel(replace(LINE, coefficients=coefficients), "ok", detection_limits=limits)
+    found = IdentifiedModel(replace(LINE, coefficients=coefficients), detection_limits=limits)
     assert found.at({"U": 11.0}).detection_limits[1, 0] == np.inf
 
 

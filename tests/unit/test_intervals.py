@@ -44,7 +44,7 @@ def test_rivals_are_extrapolated_as_the_model_is_in_the_terms_that_they_have():
     model = PolynomialModel(("q", "dq"), ((1, 0), (0, 1), (3, 0)), coefficients)
     rival = np.array([[0.0, 1.0, 0.0], [-4.1, 0.0, 0.6]])
     found = IdentifiedModel(
-        model, "ok", known=(0,), covariance=np.zeros((3, 3)),
+        model, is_judged=True, known=(0,), covariance=np.zeros((3, 3)),
         rivals=rival[np.newaxis], rival_share=0.5,
     )  # fmt: skip
     models = draw_models_and_rivals(found, np.random.default_rng(0))

@@ -29,7 +29,7 @@ TIME = np.arange(200) / 20
 VALUES = np.column_stack([np.sin(TIME), np.cos(TIME)])
 TERMS = galloping.polynomial_library(2, 1)
 LINE = galloping.PolynomialModel(("q", "dq"), TERMS, np.array([[0, 0, 1.0], [0, -1.0, 0]]))
-FOUND = galloping.IdentifiedModel(LINE, "ok", diagnostics={"told": math.nan})
+FOUND = galloping.IdentifiedModel(LINE, is_judged=True, diagnostics={"told": math.nan})
 TYPES = {  # imported where they are made
     "Trajectory": galloping.Trajectory, "Figure": Figure, "DataFrame": pd.DataFrame, "Tags": Tags,
 }  # fmt: skip
@@ -253,7 +253,6 @@ galloping.PolynomialModel("a", ((1,), (1,)), [[1, 2]]) | terms: a: is there twic
 galloping.PolynomialModel("aa", ((1, 0),), [[1], [1]]) | states, inputs: a, a; must be distinct
 galloping.MaximumLikelihood().fit([[1, 2], [3]], t=0.1) | x: rows differ in length; must have equal
 LINE.on_library(((1, 0),)) | term dq is not in the library
-galloping.IdentifiedModel(LINE, "sure") | status: 'sure' must be one of ok, not identifiable
 NONE.simulate([0.0, 0.0], [0.0, 1.0]) | there is no model to simulate: No model was found.
 galloping.polynomial_library(2, -1) | degree: -1; must be a whole number >= 0
 galloping.simulate(LINE, [0, 0, 0], TIME) | initial_state: 3 numbers for the 2 states q, dq

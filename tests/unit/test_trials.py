@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from statuses import finding_for
 
 from galloping.configuration.kinds import EXAMPLES, KINDS, WIND_CASES
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
@@ -64,7 +65,7 @@ def result():
     present = np.where(true.support, np.abs(true.coefficients) / 100, np.nan)
     errors = np.where(true.support, present, 1e-3)
     sure = IdentifiedModel(
-        true, "ok", standard_errors=present, unconditional_errors=2 * errors,
+        true, is_judged=True, standard_errors=present, unconditional_errors=2 * errors,
         detection_limits=np.where(true.support, np.nan, 0.01), known=(0, 1),
     )  # fmt: skip
     return true, sure
@@ -94,7 +95,8 @@ def test_claims_that_do_not_hold(result, fault, term, factor, added):
         wrong = replace(wrong, detection_limits=np.full((4, 35), 0.01))
     row = against_truth(true, wrong)
     assert row[fault] == 1 and row["ok_and_wrong"]
-    assert not against_truth(true, replace(wrong, status="not identifiable"))["ok_and_wrong"]
+    doubted = wrong.with_findings(finding_for("not identifiable"))
+    assert not against_truth(true, doubted)["ok_and_wrong"]
 
 
 def of_a_random_line(seed, number, **options):

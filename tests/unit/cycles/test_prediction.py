@@ -34,7 +34,7 @@ def stated(line, relative, terms=LIBRARY):
     """A model that is right, with errors of that size stated of every coefficient."""
     line = line.on_library(terms)
     errors = relative * np.abs(line.coefficients[unknown_support(line)])
-    return IdentifiedModel(line, "ok", covariance=np.diag(errors**2), known=(0, 1))
+    return IdentifiedModel(line, is_judged=True, covariance=np.diag(errors**2), known=(0, 1))
 
 
 def exact(speed):
@@ -103,7 +103,7 @@ def test_the_band_holds_rivals_with_other_terms():
 
 
 def test_a_model_without_uncertainty_or_without_a_cycle():
-    bare = IdentifiedModel(exact(12.0).model, "unjudged")  # as sparse regression gives it
+    bare = IdentifiedModel(exact(12.0).model)  # as sparse regression gives it
     parts = split([bare], [12.0], RATIOS)
     draws = draw_splits(bare, 12.0, RATIOS, np.random.default_rng(0))
     assert draws == []

@@ -27,7 +27,7 @@ def model(tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "model.json"
     line = PolynomialModel(("q_v", "dq_v"), ((0, 1), (1, 0)), [[1.0, 0.0], [0.0, -6.76]])
     IdentifiedModel(
-        line, "unjudged", known=(0,), standard_errors=[[np.nan] * 2, [np.nan, 0.001]],
+        line, known=(0,), standard_errors=[[np.nan] * 2, [np.nan, 0.001]],
         initial_states=[[0.0, 2.6]], sigma=[[0.01, np.nan]],
     ).save(path)  # fmt: skip
     return path
@@ -220,7 +220,9 @@ NO_MODEL = [  # what is in the file, and what the one line says
     (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, 9e99]", model), "must be whole numbers"),
     (lambda model: re.sub(rb"\[\s*0,\s*1\s*\]", b"[0, -1]", model), "must be 0 or more"),
     (lambda model: re.sub(rb'"known": \[[^]]*\]', b'"known": [7]', model), "of equations 0 to 1"),
-]
+    (lambda model: model.replace(b'"unjudged"', b'"approximate"'),
+     "status: 'approximate' contradicts the findings (none), from which 'ok' follows"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("content", "said"), NO_MODEL)

@@ -27,7 +27,7 @@ def oscillator(frequency=1.0, damping=0.1, error=ERROR):
     model = PolynomialModel(("q", "dq"), terms, coefficients, ("U",))
     covariance = np.zeros((5, 5))
     covariance[3, 3] = (error * w) ** 2
-    return IdentifiedModel(model, "ok", covariance=covariance,
+    return IdentifiedModel(model, is_judged=True, covariance=covariance,
                            initial_states=np.array([[0.5, 0.0]]))  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def two_oscillators(damping_of_x):
     coefficients[1, :4] = -9.0, -0.3, 0.06, -0.05
     coefficients[3, 4:] = -40.0, -damping_of_x, -0.05
     model = PolynomialModel(("q", "dq", "x", "dx"), terms, coefficients, ("U",))
-    return IdentifiedModel(model, "ok", initial_states=np.array([[0.5, 0.0, 0.5, 0.0]]))
+    return IdentifiedModel(model, is_judged=True, initial_states=np.array([[0.5, 0.0, 0.5, 0.0]]))
 
 
 def test_a_second_motion_that_begins_to_grow_is_no_end_of_growth():
@@ -95,7 +95,7 @@ def test_rounding_of_a_motion_without_damping_is_no_onset():
 
 def test_a_line_has_the_onset_of_its_closed_form_and_both_its_limit_cycles():
     """The 2:1 resonance makes the vertical cycle unstable, beside the stable one of both modes."""
-    line = IdentifiedModel(derive(), "unjudged", initial_states=np.array([[0.1, 0.1, 0, 0]]))
+    line = IdentifiedModel(derive(), initial_states=np.array([[0.1, 0.1, 0, 0]]))
     (condition,) = assess(line).conditions
     assert [cycle.stable for cycle in condition.cycles] == [True]
     (rest,) = condition.equilibria
@@ -105,7 +105,7 @@ def test_a_line_has_the_onset_of_its_closed_form_and_both_its_limit_cycles():
 
 def test_systems_that_are_no_oscillators():
     pitchfork = PolynomialModel(("x",), ((1,), (3,)), [[1.0, -1.0]])
-    found = IdentifiedModel(pitchfork, "unjudged", initial_states=np.array([[0.5]]))
+    found = IdentifiedModel(pitchfork, initial_states=np.array([[0.5]]))
     (condition,) = assess(found).conditions
     places = sorted(rest.place["x"].value for rest in condition.equilibria)
     assert places == pytest.approx([0.0, 1.0]) or places == pytest.approx([-1.0, 0.0, 1.0])
@@ -124,7 +124,7 @@ def test_each_mode_has_a_state_of_its_own_and_rounding_is_no_growth():
     model = PolynomialModel(("x", "y", "dx", "dy"), terms, rates)
     free = np.argwhere(model.support)
     found = IdentifiedModel(
-        model, "ok", covariance=np.diag(np.where(free[:, 0] < 2, 0.0, 1.0)),
+        model, is_judged=True, covariance=np.diag(np.where(free[:, 0] < 2, 0.0, 1.0)),
         initial_states=np.array([[0.01, 10.0, 0.0, 0.0]]),
     )  # fmt: skip
     (rest,) = assess(found).conditions[0].equilibria
@@ -139,7 +139,7 @@ def test_a_damping_of_zero_has_the_limit_of_its_detection_at_any_value_of_an_inp
     limits = np.full((2, 4), np.nan)
     limits[1, 1:3] = 0.03, 0.02
     found = IdentifiedModel(
-        model, "ok", detection_limits=limits, initial_states=np.array([[1.0, 0.0]])
+        model, is_judged=True, detection_limits=limits, initial_states=np.array([[1.0, 0.0]])
     )
     (rest,) = assess(found, {"U": 2.0}).conditions[0].equilibria
     damping = rest.modes[0].damping
@@ -151,7 +151,7 @@ def test_equilibria_that_most_drawn_models_lack_have_no_interval():
     terms = ((0, 0), (2, 0), (0, 2))
     model = PolynomialModel(("x", "y"), terms, [[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
     found = IdentifiedModel(
-        model, "ok", covariance=np.diag([100.0, 0.0, 100.0, 0.0]),
+        model, is_judged=True, covariance=np.diag([100.0, 0.0, 100.0, 0.0]),
         initial_states=np.array([[-1.0, -0.9]]),
     )  # fmt: skip
     for rest in assess(found).conditions[0].equilibria:

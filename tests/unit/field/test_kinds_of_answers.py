@@ -9,6 +9,7 @@ import motions
 import numpy as np
 import pytest
 from ambient import displacements, swing
+from statuses import finding_for
 
 from galloping import IdentifiedModel, Recording, assess, maximum_likelihood, polynomial_library
 from galloping.behaviour.forecast import check_followed
@@ -123,7 +124,8 @@ def test_what_terms_of_the_next_degree_change_is_stored_with_the_model(pendulum,
 def lasting(damping):
     """A linear oscillator of 1 Hz as an approximate model."""
     model = PolynomialModel(("q", "dq"), ((1, 0), (0, 1)), [[0, 1], [-39.5, -damping]])
-    return IdentifiedModel(model, "approximate", initial_states=np.array([[0.05, 0.0]]))
+    start = np.array([[0.05, 0.0]])
+    return IdentifiedModel(model, (finding_for("approximate"),), True, initial_states=start)
 
 
 def test_a_model_whose_motion_lasts_where_the_recorded_one_dies_out_is_refused():

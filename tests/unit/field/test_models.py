@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from field_files import COMMAND, STATES, read, write
 from lines import simulate
+from statuses import finding_for
 
 from galloping import Recording, Simulator, maximum_likelihood
 from galloping import polynomial_library as library
@@ -99,9 +100,8 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field, id
     assert not any("release" in name for name in told.options)  # of a live span
     again = told.options["another event like this one"]
     assert told.standard_error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
-    assert advise(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
-    repeats = identified.with_findings(Finding.of(Code.MOTION_REPEATS))
-    assert advise(repeats, field.recordings[0], 5.0) is None
+    for finding in (finding_for("approximate"), Finding.of(Code.MOTION_REPEATS)):
+        assert advise(identified.with_findings(finding), field.recordings[0], 5.0) is None
 
 
 def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import field_files as files
 import numpy as np
 import pytest
+from statuses import finding_for
 
 from galloping import IdentifiedModel, Recording
 from galloping.behaviour.dynamics import Surroundings, dynamics
@@ -34,7 +35,7 @@ def sure(model, share=1e-3, status="ok", **more):
     sigma = np.array([[files.NOISE, files.NOISE, np.nan, np.nan]])
     start = np.array([files.RELEASE])
     given = {"covariance": covariance, "known": (0, 1), "sigma": sigma, "initial_states": start}
-    return IdentifiedModel(model, status, **given, **more)
+    return IdentifiedModel(model, (finding_for(status),), is_judged=True, **given, **more)
 
 
 def recorded(wind=12.0, seed=1):
@@ -61,7 +62,7 @@ def test_small_motions_are_those_about_the_position_of_rest(by):
     x = np.random.default_rng(0).normal(size=(200, 4))
     values = np.linalg.lstsq(design_matrix(x + shift, TERMS), line(x), rcond=None)[0].T
     model = replace(line, coefficients=np.where(abs(values) > 1e-9, values, 0))
-    exact = IdentifiedModel(model, "unjudged", initial_states=np.array([files.RELEASE]) + shift)
+    exact = IdentifiedModel(model, initial_states=np.array([files.RELEASE]) + shift)
     recording = recorded()
     around = Surroundings.of([replace(recording, values=recording.values + shift)])
     found = dynamics(exact, around, np.random.default_rng(0))
@@ -77,7 +78,7 @@ def test_small_motions_are_those_about_the_position_of_rest(by):
 
 def test_a_model_without_rest_inside_the_motion_has_no_natural_frequencies():
     model = PolynomialModel(("x", "dx"), ((0, 0), (0, 1)), np.array([[0, 1.0], [1.0, 0]]))
-    exact = IdentifiedModel(model, "unjudged", initial_states=np.zeros((1, 2)))
+    exact = IdentifiedModel(model, initial_states=np.zeros((1, 2)))
     around = Surroundings(np.zeros(2), -np.ones(2), np.ones(2))
     found = dynamics(exact, around, np.random.default_rng(0))
     assert not found.rest and np.isnan(found.frequencies["x"].value)
@@ -168,7 +169,7 @@ def test_a_model_that_does_not_follow_a_file_is_refused():
     identified = sure(files.line().on_library(TERMS))
     check_followed(identified, recorded(seed=5), 25.0)
     for wind, status, chi2 in ((8.0, "ok", np.nan), (14.0, "approximate", 3.0)):
-        other = replace(identified, status=status, chi2=chi2)
+        other = replace(identified, findings=(finding_for(status),), chi2=chi2)
         check_followed(other, recorded(seed=5), 25.0)
         with pytest.raises(ValueError, match="over 25 s"):
             check_followed(other, recorded(wind), 25.0)
@@ -203,9 +204,10 @@ def missing(status, share):
     told = {"error_share_all_q_v": share, "forecast_r2": 0.95} if status == "approximate" else {}
     if status == "refused":
         return IdentifiedModel.refused(files.STATES, TERMS, [])
-    found = IdentifiedModel(files.line().on_library(TERMS), status, diagnostics=told)
     missed = Finding.of(Code.FORECASTS_MISS, "q_v", share=share, span_s=10.0)
-    return found.with_findings(missed) if status == "approximate" else found
+    finding = missed if status == "approximate" else finding_for(status)
+    line = files.line().on_library(TERMS)
+    return IdentifiedModel(line, (finding,), is_judged=True, diagnostics=told)
 
 
 @pytest.mark.parametrize(
@@ -242,7 +244,7 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     (recording,) = files.read(files.ambient(tmp_path / "a.csv")).recordings
     omega, ratio = 2 * np.pi * np.array([0.38, 0.21]), np.array([0.01, 0.02])
     stable, start = linear(omega**2, 2 * ratio * omega), np.array([[0.3, 0.3, 0.0, 0.0]])
-    found = IdentifiedModel(stable, "approximate", initial_states=start)
+    found = IdentifiedModel(stable, (finding_for("approximate"),), True, initial_states=start)
     assert recording_outlasts_model(found, [recording]) and amplitude_fluctuates([recording], 4.0)
     motion = found.simulate(start[0], recording.time).states
     decay = replace(recording, values=np.where(np.isfinite(recording.values), motion, np.nan))
@@ -253,7 +255,7 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     )
     assert not amplitude_fluctuates([recorded()], 4.0) and not amplitude_fluctuates([decay], 4.0)
     still = linear([0.0, omega[1] ** 2])
-    assert unaccelerated_coordinates(IdentifiedModel(still, "not identifiable")) == ["q_v"]
+    assert unaccelerated_coordinates(IdentifiedModel(still)) == ["q_v"]
 
 
 def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():

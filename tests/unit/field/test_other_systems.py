@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from statuses import finding_for
 
 import galloping
 from galloping import Coefficient, IdentifiedModel, Recording, assess, parse_model
@@ -20,7 +21,7 @@ STATES = ("q", "dq")
 
 def exact(text: str, *starts: list[float], inputs: tuple[str, ...] = ()) -> IdentifiedModel:
     model = parse_model(text, inputs)
-    return IdentifiedModel(model, "ok", initial_states=np.array(starts, float))
+    return IdentifiedModel(model, is_judged=True, initial_states=np.array(starts, float))
 
 
 @pytest.mark.parametrize(("friction", "said"), [
@@ -83,7 +84,7 @@ def test_modes_of_other_states_are_those_of_no_coordinate() -> None:
     text = "x = dx; y = dy; a = 20 b - 0.02 a; b = -20 a; dx = -39.5 x - 0.1 dx + 5 a"
     around = Surroundings(np.zeros(6), -np.ones(6), np.ones(6))
     model = parse_model(f"{text}; dy = -90 y - 0.1 dy + 4 a")
-    found = IdentifiedModel(model, "ok", initial_states=np.full((1, 6), 0.1))
+    found = IdentifiedModel(model, is_judged=True, initial_states=np.full((1, 6), 0.1))
     known = dynamics(found, around, np.random.default_rng(0))
     assert known.frequencies["x"].value == pytest.approx(1.0, rel=0.01)
     assert known.frequencies["y"].value == pytest.approx(1.51, rel=0.01)
@@ -116,7 +117,7 @@ def test_an_equilibrium_is_followed_from_the_first_value_that_has_one() -> None:
 def test_parts_with_few_samples_are_compared_with_none() -> None:
     time = np.arange(60) * 0.1
     parts = [Recording(time, STATES, np.column_stack([np.sin(time), np.cos(time)]))] * 2
-    found = replace(exact("q = dq; dq = -q", [0, 1]), status="approximate")
+    found = exact("q = dq; dq = -q", [0, 1]).with_findings(finding_for("approximate"))
     assert find_difference(found, parts, lambda own: pytest.fail("too short")) is None
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from statuses import finding_for
 
 import galloping
 from galloping.behaviour.dynamics import Surroundings, Value, dynamics
@@ -117,7 +118,7 @@ def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind,
 def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
     values = {state: Value(*NONE) for state in ("q_v", "q_w")}
     known = replace(summary.dynamics, damping=values, period=None)
-    found = replace(summary.found, status="not identifiable", findings=())
+    found = replace(summary.found, findings=(finding_for("not identifiable"),))
     text = str(replace(summary, dynamics=known, found=found))
     assert "the amplitude is constant, as far as the samples show" in text
     assert "net damping |" not in text
@@ -143,7 +144,7 @@ def test_a_limit_cycle_that_the_motion_leaves_is_noted(summary):
         "dq_v = -5.70071 q_v + 0.013845 dq_v + 0.6086 q_v^2 - 0.3516 q_v^3 - 0.00318 dq_v^3; "
         "dq_w = -1.741057 q_w + 0.007498 dq_v - 0.045816 dq_w + 0.5054 q_v q_w"
     )
-    found = galloping.IdentifiedModel(model, "unjudged", initial_states=np.array([[0.1, 0, 0, 0]]))
+    found = galloping.IdentifiedModel(model, initial_states=np.array([[0.1, 0, 0, 0]]))
     around = Surroundings(np.zeros(4), np.full(4, -0.5), np.full(4, 0.5))
     known = dynamics(found, around, np.random.default_rng(0))
     assert known.kind == "cycle" and not known.is_stable and summary.dynamics.is_stable

@@ -286,7 +286,7 @@ def test_a_law_that_one_mean_wind_does_not_tell_is_said() -> None:
 
     def said(limit: float) -> list[Finding]:
         limits = np.array([[np.nan] * 3, [np.nan, limit, np.nan]])
-        identified = IdentifiedModel(model, "ok", detection_limits=limits)
+        identified = IdentifiedModel(model, is_judged=True, detection_limits=limits)
         return find_weakly_determined_input_terms(identified, [10.0], about)
 
     (short,) = said(0.05)

@@ -73,7 +73,7 @@ def test_the_spectrum_is_that_of_two_oscillators_in_white_forces():
     forces = np.diag([0.0, white[0, 0]])
     model = galloping.PolynomialModel(STATES, terms, coefficients)
     known = IdentifiedModel(
-        model, "ok", forces=forces, resonances=(resonance,), sigma=np.array([[1e-9, np.nan]])
+        model, forces=forces, resonances=(resonance,), sigma=np.array([[1e-9, np.nan]])
     )
     still = displacements(TIME, np.sin(TIME))
     frequency, power = model_spectra(known, still, np.random.default_rng(0))

@@ -107,7 +107,7 @@ def test_table_3_shows_true_and_spurious_terms():
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
     off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
     off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
-    found = IdentifiedModel(replace(line, coefficients=off), "unjudged")
+    found = IdentifiedModel(replace(line, coefficients=off))
     about = {"cases": ["a"], "protocol": "state", "method": "stlsq", "level": 0.0, "degree": 3}
     made = {"a": Derived(make_model(true), true, {})}, {"a": {"stlsq": [found] * 3}}
     table = table3(*made, about | {"continuous": []})
@@ -134,8 +134,8 @@ def test_equations_are_those_of_single_recordings_with_their_errors():
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
     off[3, terms.index((1, 0, 0, 0))] = -0.5  # a false term
     stated = np.where(on_library.support, 0.01, np.nan)
-    first = IdentifiedModel(on_library, "ok", standard_errors=stated)
-    other = IdentifiedModel(replace(on_library, coefficients=off), "unjudged")
+    first = IdentifiedModel(on_library, is_judged=True, standard_errors=stated)
+    other = IdentifiedModel(replace(on_library, coefficients=off))
     fits = {cell: {"protocol": "state", "method": cell, "level": 0.1} for cell in ("ours", "paper")}
     settings = {"case": "a", "is_continuous": False, "degree": 3, "fits": fits}
     identified = {"ours": {"ours": [first, other]}, "paper": {"paper": [other, first]}}

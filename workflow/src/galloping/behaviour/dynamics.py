@@ -333,7 +333,7 @@ def expected_dynamics(
     rest = around.rest(identified.model)
     shift = around.middle if rest is None else rest
     start = identified.initial_states - shift
-    exact = IdentifiedModel(model, "unjudged", initial_states=start)
+    exact = IdentifiedModel(model, initial_states=start)
     ends = around.low - shift, around.high - shift
     about = Surroundings(np.zeros_like(shift), *ends, around.rates)
     return dynamics(exact, about, np.random.default_rng(0))

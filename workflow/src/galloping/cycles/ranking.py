@@ -46,7 +46,7 @@ def derive_parts(case: Mapping) -> Split:
     They have no uncertainty.
     """
     line = make_model(coefficients(case))
-    exact = IdentifiedModel(line, "unjudged", known=(0, 1))
+    exact = IdentifiedModel(line, known=(0, 1))
     exact = replace(exact, covariance=np.eye(exact.support.sum()))
     parts = split([exact], [case["wind"]["speed"]], damping_ratios(case))
     return replace(parts, covariance=np.zeros_like(parts.covariance))

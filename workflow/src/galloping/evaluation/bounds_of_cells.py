@@ -37,9 +37,7 @@ def at_the_bound(
     coefficients, free = model.coefficients.copy(), tuple(found.free.T)
     coefficients[free] = draw_normal(coefficients[free], found.covariance, 1, rng)[0]
     drawn_model = replace(model, coefficients=coefficients)
-    return IdentifiedModel(
-        drawn_model, "unjudged", standard_errors=cramer_rao.on_library(model, found)
-    )
+    return IdentifiedModel(drawn_model, standard_errors=cramer_rao.on_library(model, found))
 
 
 def cell_bounds(
@@ -75,7 +73,7 @@ def models_at(
     Without noise, the model is that of the line.
     """
     if not bounds:
-        return [IdentifiedModel(model, "unjudged")]
+        return [IdentifiedModel(model)]
     models = []
     for k in range(measurement["replicates"]):
         rng = make_generator(measurement["seed"], "bound", *name, k)

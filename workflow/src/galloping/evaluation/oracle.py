@@ -105,7 +105,7 @@ def _choose_candidates(
         return
     for method, each in models.items():
         choices = (replace(true, coefficients=c) for c in oracles(true, each))
-        yield method, [IdentifiedModel(model, "unjudged") for model in choices]
+        yield method, [IdentifiedModel(model) for model in choices]
 
 
 def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:

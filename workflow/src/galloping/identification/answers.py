@@ -25,6 +25,32 @@ def refused_model(problem: Problem, findings: Iterable[Finding]) -> IdentifiedMo
     return IdentifiedModel.refused(problem.states, problem.terms, findings, problem.inputs)
 
 
+def fitted_model(
+    problem: Problem,
+    free: np.ndarray,
+    support: np.ndarray,
+    covariance: np.ndarray,
+    findings: Iterable[Finding] = (),
+    **fields: Any,
+) -> IdentifiedModel:
+    """Return an identification result with a model, which its findings judge.
+
+    free: (n,) coefficients of the candidates. support: (n,) boolean, which terms are present.
+    covariance: (n_support, n_support). fields: further fields of the result.
+    """
+    errors = np.full(len(support), np.nan)
+    errors[support] = np.sqrt(np.diag(covariance))
+    return IdentifiedModel(
+        model=problem.model(free),
+        findings=tuple(findings),
+        is_judged=True,
+        standard_errors=problem.on_library(errors, fixed=0.0),
+        covariance=problem.model_covariance(covariance, support),
+        known=problem.known_equations,
+        **fields,
+    )
+
+
 def explain_single_state(
     identified: IdentifiedModel, recordings: Iterable[Recording]
 ) -> IdentifiedModel:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, as_increasing, checked_state
-from galloping.identification.observations import STATUSES, Code, Finding, status_of
+from galloping.identification.observations import Code, Finding, status_of
 from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
 from galloping.identification.sentences import join_words, reason_of
 from galloping.model.functions import from_plain, n_exponents, term_to_plain
@@ -54,12 +54,10 @@ class IdentifiedModel(Immutable):
     model : PolynomialModel
         On the candidate library, known equations included: zero where a term is absent, NaN if
         there is no model.
-    status : {"ok", "not identifiable", "approximate", "refused", "unjudged"}
-        `not identifiable`: other terms would fit as well. `approximate`: no model of the library is
-        right, and this one is near. `refused`: there is no model. `unjudged`: the method has no
-        status.
     findings : tuple of Finding
-        What was noticed. The status follows from it (`status_of`).
+        What was noticed.
+    is_judged : bool
+        Whether the model was assessed, so that its status follows from the findings.
     standard_errors : (n_states, n_terms) array
         Of present terms, if the terms are right.
     unconditional_errors : (n_states, n_terms) array
@@ -102,16 +100,11 @@ class IdentifiedModel(Immutable):
         Further modes that random forces move.
     bounds : tuple of Bound
         Known bounds of coefficients: equation, term, least and greatest.
-
-    Raises
-    ------
-    ValueError
-        For an unknown status.
     """
 
     model: PolynomialModel
-    status: str
     findings: tuple[Finding, ...] = ()
+    is_judged: bool = False
     standard_errors: NDArray[np.float64] = NO_ARRAY
     unconditional_errors: NDArray[np.float64] = NO_ARRAY
     detection_limits: NDArray[np.float64] = NO_ARRAY
@@ -134,8 +127,6 @@ class IdentifiedModel(Immutable):
     bounds: tuple[Bound, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.status not in STATUSES:
-            raise ValueError(f"status: {self.status!r} must be one of {', '.join(STATUSES)}")
         for name, shape in _array_shapes(*self.model.coefficients.shape).items():
             if getattr(self, name) is None:
                 unstated = 0.0 if name in ("forces", "slow_forces") else np.nan
@@ -156,7 +147,17 @@ class IdentifiedModel(Immutable):
             findings += (Finding.of(Code.NO_MODEL),)
         nothing = np.full((len(states), len(terms)), np.nan)
         model = PolynomialModel(states, terms, nothing, inputs)
-        return cls(model, status_of(findings), findings)
+        return cls(model, findings, is_judged=True)
+
+    @property
+    def status(self) -> str:
+        """Status of the model, which follows from its findings (`status_of`).
+
+        `ok`, or `not identifiable`: other terms would fit as well. `approximate`: no model of the
+        library is right, and this one is near. `refused`: there is no model. `unjudged`: the model
+        was not assessed.
+        """
+        return status_of(self.findings) if self.is_judged else "unjudged"
 
     @property
     def support(self) -> NDArray[np.bool_]:
@@ -177,10 +178,8 @@ class IdentifiedModel(Immutable):
         return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < MIN_FORECAST_R2
 
     def with_findings(self, *findings: Finding) -> IdentifiedModel:
-        """Return a copy of the model with further findings and the status that follows from all."""
-        findings = (*self.findings, *findings)
-        status = self.status if self.status == "unjudged" else status_of(findings)
-        return replace(self, status=status, findings=findings)
+        """Return a copy of the model with further findings, and so perhaps another status."""
+        return replace(self, findings=(*self.findings, *findings))
 
     def has_finding(self, *codes: Code) -> bool:
         """Return whether any finding of the model has one of the given codes."""
@@ -387,8 +386,8 @@ class IdentifiedModel(Immutable):
         model = self.model
         terms = [term_to_plain(term) for term in model.terms]
         content: dict[str, Any] = {"states": model.states, "inputs": model.inputs, "terms": terms}
-        values = {"coefficients": model.coefficients} | self._held()
-        del values["model"], values["bounds"]
+        values = {"coefficients": model.coefficients, "status": self.status} | self._held()
+        del values["model"], values["is_judged"], values["bounds"]
         content |= {name: _as_plain(value) for name, value in values.items()}
         content["reason"] = self.reason
         content["bounds"] = [
@@ -420,9 +419,9 @@ class IdentifiedModel(Immutable):
         shapes = _array_shapes(
             len(states), len(terms), len(content["covariance"]), len(content["extrapolation_shift"])
         )
-        found = cls(
+        identified = cls(
             model=model,
-            status=status,
+            is_judged=status != "unjudged",
             chi2=float(content["chi2"]),
             rival_share=float(content["rival_share"]),
             known=known,
@@ -443,8 +442,13 @@ class IdentifiedModel(Immutable):
                 for name, shape in shapes.items()
             },
         )
-        _check_covariance(found.covariance, int(found.support.sum()))
-        return found
+        _check_covariance(identified.covariance, int(identified.support.sum()))
+        if identified.status != status:
+            raise ValueError(
+                f"status: {status!r} contradicts the findings ({identified.codes or 'none'}), from "
+                f"which {identified.status!r} follows"
+            )
+        return identified
 
     def save(self, path: str | os.PathLike, **about: object) -> None:
         """Write the model to a JSON file.

@@ -240,9 +240,6 @@ def as_warnings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     )
 
 
-STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
-
-
 def status_of(findings: Iterable[Finding]) -> str:
     """Derive the status of a model, such as `ok` or `refused`, from all its findings.
 

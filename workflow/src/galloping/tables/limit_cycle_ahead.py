@@ -39,7 +39,7 @@ def limit_cycles_ahead(
     recorded = steady_amplitude(first.states[(first.time >= begin) & (first.time <= end)])
     true = np.full(len(first.names), np.nan)
     if first.status == "ok" and not settings["is_continuous"]:
-        true_model = IdentifiedModel(model.model, "unjudged")
+        true_model = IdentifiedModel(model.model)
         with suppress(ValueError):  # a line that comes to rest has none
             true, *_ = limit_cycle_ahead(true_model, first.states[0], np.random.default_rng(0))
     rows = []

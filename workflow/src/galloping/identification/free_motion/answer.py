@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.answers import prepend_path
+from galloping.identification.answers import fitted_model, prepend_path
 from galloping.identification.free_motion.envelope import fit_envelope, strongest_channel
 from galloping.identification.free_motion.kinds_of_motion import (
     FreeMotion,
@@ -22,7 +22,7 @@ from galloping.identification.free_motion.linearity import MIN_SIGNIFICANCE
 from galloping.identification.free_motion.rest import MovingRecordings, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding, status_of
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.problem import Problem
@@ -266,22 +266,18 @@ def _identified_model(
     if np.any((free < problem.coefficient_bounds[0]) | (free > problem.coefficient_bounds[1])):
         return NoModel()
     slopes = slopes[support]
-    of_coefficients = slopes @ whole @ slopes.T
-    errors = np.full(len(free), np.nan)
-    errors[support] = np.sqrt(np.diag(of_coefficients))
     sigma, noises = _noise_levels(problem, motion)
-    identified = IdentifiedModel(
-        model=problem.model(free),
-        status=status_of([]),
-        standard_errors=problem.on_library(errors, 0.0),
-        unconditional_errors=problem.on_library(errors, 0.0),
-        covariance=problem.model_covariance(of_coefficients, support),
-        known=problem.known_equations,
+    identified = fitted_model(
+        problem,
+        free,
+        support,
+        slopes @ whole @ slopes.T,
         initial_states=_initial_states(motion, equilibrium),
         sigma=sigma,
         chi2=1.0,
         diagnostics={**noises, "path": FREE_MOTION},
     )
+    identified = replace(identified, unconditional_errors=identified.standard_errors)
     return with_further_modes(identified, motion)
 
 

@@ -1,4 +1,8 @@
-"""Status of an identified model: decided from its terms and their rivals, here alone."""
+"""Tests of the terms of a fit against rival terms, whose findings decide its status.
+
+The status of a model follows from all its findings (`observations.status_of`). Other modules add
+findings on the recordings, the residuals and the model's behaviour.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,9 +12,10 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from scipy.special import chdtri
 
+from galloping.identification.answers import fitted_model
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
-from galloping.identification.observations import Code, Finding, as_warnings, status_of
+from galloping.identification.observations import Code, Finding, as_warnings
 from galloping.identification.oscillations import FurtherMode
 from galloping.identification.plausible import (
     MISS_RATE,
@@ -125,20 +130,16 @@ def assess_fit(
             notes = [Finding.of(Code.PRIOR_DECIDES, **rival), *notes]
         errors = unconditional_errors(plausible, errors)
         rival_fields = _draw_rivals(problem, regression, posterior)
-    model = problem.model(free)
-    if followed and is_periodic(model, followed, period):
+    if followed and is_periodic(problem.model(free), followed, period):
         findings = [Finding.of(Code.MOTION_REPEATS), *findings]
-    conditional = np.full(len(support), np.nan)
-    conditional[support] = np.sqrt(np.diag(covariance))
-    return IdentifiedModel(
-        model=model,
-        status=status_of(findings),
-        findings=tuple(findings or notes),
-        standard_errors=problem.on_library(conditional, fixed=0.0),
+    return fitted_model(
+        problem,
+        free,
+        support,
+        covariance,
+        findings or notes,
         unconditional_errors=problem.on_library(errors, fixed=0.0),
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
-        covariance=problem.model_covariance(covariance, support),
-        known=problem.known_equations,
         **rival_fields,
         **fitted,
     )
@@ -163,18 +164,14 @@ def assess_approximation(
     covariance: (n_support, n_support). price: of a term, in units of chi^2, at which the terms were
     chosen. fitted: as of `assess_fit`.
     """
-    findings = as_warnings(findings)
-    errors = np.full(len(support), np.nan)
-    errors[support] = np.sqrt(np.diag(covariance))
     limits = detection_limits(added_deviation(information, support), support, price)
-    return IdentifiedModel(
-        model=problem.model(free),
-        status=status_of(findings),
-        findings=findings,
-        standard_errors=problem.on_library(errors, fixed=0.0),
+    return fitted_model(
+        problem,
+        free,
+        support,
+        covariance,
+        as_warnings(findings),
         detection_limits=problem.on_library(limits),
-        covariance=problem.model_covariance(covariance, support),
-        known=problem.known_equations,
         **fitted,
     )
 

@@ -11,7 +11,7 @@ from scipy.special import chdtri
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding, status_of
+from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.plausible import detection_limits
 from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
@@ -294,8 +294,8 @@ def _assess_fit(
     )
     return IdentifiedModel(
         model=problem.model(model.coefficients),
-        status=status_of(findings),
         findings=findings,
+        is_judged=True,
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(np.where(support, errors, absent), 0.0),
         detection_limits=problem.on_library(detection_limits(absent, support, trial.setup.penalty)),

@@ -49,7 +49,7 @@ class ReducedRegression:
     def model(self, coefficients: np.ndarray, thresholds: np.ndarray = NO_ARRAY) -> IdentifiedModel:
         """Make the model, with the status `unjudged`, of coefficients (n_states, n_terms)."""
         model = PolynomialModel(self.states, self.terms, coefficients)
-        return IdentifiedModel(model, "unjudged", thresholds=thresholds)
+        return IdentifiedModel(model, thresholds=thresholds)
 
     @property
     def products(self) -> np.ndarray:
