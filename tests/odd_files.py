@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import netcdf_file, savemat
 
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.readers.array_files import MAX_TABLE_BYTES
 
 TIME = np.arange(1000) / 25.0

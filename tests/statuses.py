@@ -1,6 +1,6 @@
 """A finding for each status of a model."""
 
-from galloping.identification.observations import Code, Finding, Severity
+from galloping.identification.findings import Code, Finding, Severity
 
 SEVERITIES = {
     "ok": Severity.NOTE,

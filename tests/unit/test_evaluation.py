@@ -9,9 +9,9 @@ from lines import RESONANT, edited, recorded
 from galloping.evaluation import score as scores
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.score import Truth, evaluate, gallops, reconstruct, reconstruction, score
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code, Finding
 from galloping.identification.sparse.evidence import reduce
 from galloping.line.galerkin import coefficients, make_model
 from galloping.model.polynomial import PolynomialModel, extend_library, polynomial_library

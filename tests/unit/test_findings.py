@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import galloping
-from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import (
+from galloping.identification.findings import (
     Code,
     Finding,
     Severity,
@@ -18,8 +17,9 @@ from galloping.identification.observations import (
     finding_kinds,
     status_of,
 )
+from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.sentences import explain, reason_of, sentence_of
-from galloping.summary.helps import HELPS
+from galloping.summary.advice import HELPS
 
 SOURCE = Path(galloping.__file__).parent
 IN_SHARE = {"share_percent", "share_in_words"}

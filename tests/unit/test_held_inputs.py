@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 import galloping
 from galloping import IdentifiedModel, Input, Recording
 from galloping.identification.drawn_models import draw_models_and_rivals
+from galloping.identification.findings import Code, Finding
 from galloping.identification.inputs import validated_problem
-from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import (
     choose_interpolants,
     undersampled_inputs,

@@ -12,9 +12,9 @@ from lines import moved, recorded, simulate
 
 from galloping.configuration.load import load, plain
 from galloping.identification.cell import identify
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse.evidence import differentiate, reduce, reduce_by_splines

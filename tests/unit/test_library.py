@@ -22,7 +22,7 @@ from studies import run
 import galloping
 from galloping import Recording
 from galloping.arrays import Immutable
-from galloping.identification.observations import Code, Finding
+from galloping.identification.findings import Code, Finding
 
 ROOT = Path(__file__).parents[2]
 TIME = np.arange(200) / 20

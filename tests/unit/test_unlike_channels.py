@@ -13,8 +13,8 @@ from galloping import (
     polynomial_library,
     simulate,
 )
+from galloping.identification.findings import Code
 from galloping.identification.free_motion.rest import moving_recordings
-from galloping.identification.observations import Code
 from galloping.identification.preparation.screening import smooth_without_outliers
 from galloping.identification.prior_knowledge import Coefficient
 

@@ -2,8 +2,8 @@
 
 from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at
 from galloping.evaluation.score import Truth, evaluate
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code, Finding
 from galloping.model.polynomial import polynomial_library
 from galloping.reproducibility.job import run
 from galloping.results import BOUND

@@ -8,7 +8,7 @@ from field_files import run
 from swings import noisy, small_motions, swing
 
 from galloping import IdentifiedModel
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 
 
 def written(folder, header, *columns):

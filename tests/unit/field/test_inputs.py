@@ -17,14 +17,14 @@ import galloping
 from galloping import IdentifiedModel, Input, PolynomialModel, Recording
 from galloping.behaviour.objections import with_objections
 from galloping.cli import main
-from galloping.identification.observations import Code, Finding
+from galloping.identification.findings import Code, Finding
 from galloping.model.terms import parse_library
 from galloping.readers.mapping import parse_input, validate_mapping
 from galloping.readers.series import read_series
 from galloping.readers.units import USUAL_UNITS, coefficient_unit
 from galloping.recording.samples import evaluate_extended
+from galloping.summary.advice import meanings_and_advice
 from galloping.summary.analysis import read_field
-from galloping.summary.helps import meanings_and_advice
 
 pytestmark = pytest.mark.xdist_group("inputs")
 

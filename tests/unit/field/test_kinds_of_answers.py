@@ -14,7 +14,7 @@ from statuses import finding_for
 from galloping import IdentifiedModel, Recording, assess, maximum_likelihood, polynomial_library
 from galloping.behaviour.forecast import check_followed
 from galloping.behaviour.objections import outlives_recording, with_objections
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.model.polynomial import PolynomialModel
 from galloping.summary.numbers import Estimate, compute_numbers
 from galloping.summary.summarise import dynamics, summarise

@@ -12,12 +12,12 @@ from statuses import finding_for
 
 from galloping import Recording, Simulator, maximum_likelihood
 from galloping import polynomial_library as library
-from galloping.identification.observations import Code, Finding
+from galloping.identification.findings import Code, Finding
 from galloping.identification.preparation.smoothing import shortest_period
 from galloping.inspection.excerpts import MAX_STRETCHES, PERIODS_PER_STRETCH, excerpts
 from galloping.line.galerkin import coefficients, make_model
 from galloping.streams import make_generator
-from galloping.summary.advice import advise
+from galloping.summary.further_recording import advise
 from galloping.summary.summarise import hold_out, longest_period
 from galloping.trials.recorded_lines import draw_line
 

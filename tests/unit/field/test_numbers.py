@@ -17,8 +17,8 @@ from galloping.behaviour.objections import (
     unaccelerated_coordinates,
     with_objections,
 )
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
-from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import amplitude_fluctuates
 from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library
 from galloping.readers import FileError

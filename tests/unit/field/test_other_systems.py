@@ -12,7 +12,7 @@ from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.following import first_guess
 from galloping.behaviour.objections import find_difference
 from galloping.readers.units import coefficient_unit
-from galloping.summary.helps import may_be_wind
+from galloping.summary.advice import may_be_wind
 from galloping.summary.wording import assessment_text
 
 TIME = np.arange(1500) * 0.04

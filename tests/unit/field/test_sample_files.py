@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from studies import run
 
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.streams import make_generator
 from galloping.summary.analysis import FieldQuestion, identify_field
 from galloping.summary.sample_files import FILES, Oscillation, judge, trial, write_and_read

@@ -14,8 +14,8 @@ from galloping import (
     polynomial_library,
     summarise,
 )
+from galloping.identification.findings import Code
 from galloping.identification.free_motion.kinds_of_motion import classify_motion
-from galloping.identification.observations import Code
 
 LIBRARY = polynomial_library(2, degree=3)
 HERTZ, DAMPING = 6.8, 0.0014

@@ -6,8 +6,8 @@ from ambient import two_modes
 from swings import noisy, sensed, swing
 
 from galloping import library
+from galloping.identification.findings import Code
 from galloping.identification.free_motion.rest import moving_parts, moving_recordings
-from galloping.identification.observations import Code
 
 TIME = np.arange(2000) / 50.0
 

@@ -8,7 +8,7 @@ from identification_cases import assert_found, deviations, unknown_support
 
 import galloping
 from galloping import Coefficient, Input
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.identification.preparation.weak_form import delayed_inputs, make_start
 from galloping.identification.problem import make_problem
 

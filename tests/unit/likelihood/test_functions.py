@@ -17,7 +17,7 @@ from galloping import (
     polynomial_library,
     simulate,
 )
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.identification.problem import make_problem
 from galloping.summary.sample_files import trial
 

@@ -20,7 +20,7 @@ from identification_cases import (
 from galloping import Prior, Recording, maximum_likelihood, weak_gls
 from galloping import polynomial_library as library
 from galloping.evaluation.bounds import Experiment, state_bound
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.identification.preparation.weak_form import make_start, whitened_weak_form
 from galloping.identification.problem import make_problem
 from galloping.identification.selection import solve_support

@@ -9,7 +9,7 @@ import pytest
 from identification_cases import RELEASE, assert_found, deviations, solution
 
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 
 TERMS = polynomial_library(4, 3)
 TIME = np.arange(0, 120, 0.04)

@@ -16,9 +16,9 @@ from galloping import (
     weak_gls,
 )
 from galloping import polynomial_library as library
-from galloping.identification.observations import Code, Finding
+from galloping.identification.findings import Code, Finding
 from galloping.identification.preparation.screening import smooth_without_outliers
-from galloping.passes import progress
+from galloping.progress_reports import progress
 
 LEVEL = 0.05
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from galloping import IdentifiedModel, PolynomialModel, Prior
-from galloping.identification.answers import find_weakly_determined_input_terms
 from galloping.identification.drawn_models import draw_models, draw_models_and_rivals
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.verdict import Regression, assess_fit, find_open_questions
-from galloping.identification.observations import Code, Finding
 from galloping.identification.plausible import (
     Plausible,
     plausible_supports,
     unconditional_errors,
     weigh_by_prior,
 )
+from galloping.identification.postprocessing import find_weakly_determined_input_terms
 from galloping.identification.problem import Problem, make_problem
 from galloping.identification.selection import select_support, whiten
 from galloping.model.intervals import interval_of_draws

@@ -6,7 +6,7 @@ from identification_cases import line, model, noisy, solution
 
 from galloping import Input, Recording, maximum_likelihood
 from galloping import polynomial_library as library
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import make_problem

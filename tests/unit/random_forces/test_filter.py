@@ -6,8 +6,8 @@ from ambient import STATES, two_modes
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.random_forces.steps import Steps, discretise

@@ -7,8 +7,8 @@ import pytest
 from ambient import swing
 
 from galloping import Recording, forecast, maximum_likelihood, polynomial_library, summarise
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.random_forces.low_pass import FILTER_HALF_LENGTH, low_pass_recording
 from galloping.identification.random_forces.several_modes import SeveralModes
 

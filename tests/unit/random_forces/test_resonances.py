@@ -11,8 +11,8 @@ from scipy.signal import butter, sosfilt
 import galloping
 from galloping import Recording, maximum_likelihood, polynomial_library
 from galloping.behaviour.objections import with_objections
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.forced_motion import model_spectra
 from galloping.inspection.excerpts import identify_excerpts

@@ -13,8 +13,8 @@ from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.model.terms import parse_library as library
 from galloping.model.terms import parse_model
-from galloping.passes import progress
 from galloping.plotting import plot_fit, plot_forecast, plot_phase
+from galloping.progress_reports import progress
 from galloping.recording.samples import Input, Recording
 from galloping.stages import cramer_rao_bound, derive, measure, simulate
 from galloping.summary.summarise import Summary, dynamics, forecast, summarise

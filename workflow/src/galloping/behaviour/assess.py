@@ -42,7 +42,7 @@ from galloping.identification.drawn_models import add_higher_degree_effects, dra
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.intervals import interval_of_draws
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.readers.units import is_span
 
 # Lengths are in sizes of the motion.

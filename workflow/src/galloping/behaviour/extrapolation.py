@@ -30,7 +30,7 @@ from galloping.model.polynomial import (
     polynomial_library,
     velocity_pairs,
 )
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.recording.samples import Recording, mean_inputs, typical_inputs
 
 EXTRA_DEGREES = 2  # degrees beyond that of the library: the next even and the next odd one

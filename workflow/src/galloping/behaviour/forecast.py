@@ -14,7 +14,7 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Input, Recording
 

@@ -11,10 +11,10 @@ import numpy as np
 from galloping.arrays import first_from
 from galloping.behaviour.dynamics import Surroundings, dynamics
 from galloping.behaviour.following import Following
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import MIN_FORECAST_R2, IdentifiedModel
 from galloping.identification.inputs import MIN_SAMPLES
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.observations import Code, Finding
 from galloping.identification.random_forces.start import amplitude_fluctuates
 from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.inspection.excerpts import excerpts
@@ -99,7 +99,7 @@ def _find_random_forces(
         for used in _list_identified_parts(identified, recordings)
     ):
         return sustained
-    if not identified.tells_little or not amplitude_fluctuates(recordings, period):
+    if not identified.lacks_useful_forecast or not amplitude_fluctuates(recordings, period):
         return []
     linear = maximum_likelihood(parts, polynomial_library(len(identified.model.states), 1))
     if any(each.has_finding(Code.LIMIT_OF_WORK) for each in (identified, linear)):

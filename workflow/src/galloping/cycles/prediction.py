@@ -29,7 +29,7 @@ from galloping.model.intervals import (
     interval_of_draws,
 )
 from galloping.model.polynomial import Exponents, PolynomialModel, linear_term, velocity_pairs
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.trajectory.simulation import Simulator
 
 # Simulations that end near enough to a limit cycle for its correction.

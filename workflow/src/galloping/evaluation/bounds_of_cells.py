@@ -8,8 +8,8 @@ import numpy as np
 
 from galloping.evaluation import bounds as cramer_rao
 from galloping.evaluation.bounds import Bound, Experiment
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code, Finding
 from galloping.line.galerkin import EQUATIONS
 from galloping.model.intervals import MIN_IDENTIFIABLE_RATIO, draw_normal
 from galloping.model.polynomial import PolynomialModel, term_name

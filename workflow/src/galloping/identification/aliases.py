@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from galloping.identification.drawn_models import draw_models_and_rivals
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.model.intervals import MODEL_DRAWS
 from galloping.model.polynomial import Exponents, exponent_matrix, term_name

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, as_increasing, checked_state
-from galloping.identification.observations import Code, Finding, status_of
+from galloping.identification.findings import Code, Finding, status_of
 from galloping.identification.oscillations import EnvelopePart, FurtherMode, Resonance
 from galloping.identification.sentences import join_words, reason_of
 from galloping.model.functions import from_plain, n_exponents, term_to_plain
@@ -29,10 +29,9 @@ if TYPE_CHECKING:
 
 # Suffixes of the names of recorded ranges of inputs and states in diagnostics.
 RANGE_SUFFIXES = ("_low", "_high")
-# Least R2 of the forecasts over some periods of an approximate model that does not merely imitate
-# random forces. At this limit forecasts miss 45 % of the motion. With a higher limit random forces
-# are suspected although a model forecasts well; with a lower one they are overlooked. With 0.7 and
-# with 0.9 no answer of `make exam` changes.
+# Least R2 of useful forecasts over some periods: at this limit they miss 45 % of the motion. Below,
+# the recorded motion may be due to random forces. With 0.7 and with 0.9 no answer of `make exam`
+# changes.
 MIN_FORECAST_R2 = 0.8
 MAX_NAME_LENGTH = 100  # most characters in the name of a state or an input in a file
 MAX_COEFFICIENT = 1e100  # coefficients of a file are smaller: products of two are finite
@@ -172,7 +171,7 @@ class IdentifiedModel(Immutable):
         return bool(np.any(self.forces) or np.any(self.slow_forces))
 
     @property
-    def tells_little(self) -> bool:
+    def lacks_useful_forecast(self) -> bool:
         """Whether there is no model, or only an approximate model that forecasts poorly."""
         inexact = self.status in ("approximate", "refused")
         return inexact and float(self.diagnostics.get("forecast_r2", 0.0)) < MIN_FORECAST_R2

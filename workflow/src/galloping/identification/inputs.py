@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.identification.aliases import remove_aliases
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.prior_knowledge import Coefficient, Prior
 from galloping.identification.problem import Problem, make_problem
 from galloping.model.functions import Function, n_exponents

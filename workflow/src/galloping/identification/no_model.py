@@ -8,7 +8,7 @@ from typing import ParamSpec, Self, TypeVar
 
 import numpy as np
 
-from galloping.identification.observations import Code, Finding
+from galloping.identification.findings import Code, Finding
 from galloping.identification.sentences import sentence_of
 
 
@@ -46,7 +46,7 @@ class NoModel:
     """Result of a search that found no model: the findings that explain why."""
 
     findings: tuple[Finding, ...] = ()
-    tells_little = True  # as `IdentifiedModel.tells_little`
+    lacks_useful_forecast = True  # as `IdentifiedModel.lacks_useful_forecast`
 
 
 def attempt(

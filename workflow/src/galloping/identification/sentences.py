@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 
-from galloping.identification.observations import Code, Finding, Severity, finding_kinds
+from galloping.identification.findings import Code, Finding, Severity, finding_kinds
 
 
 def sentence_of(finding: Finding) -> str:

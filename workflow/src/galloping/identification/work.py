@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code, Finding
 from galloping.recording.samples import Recording
 
 # Most work of a search in recordings sampled at up to REFERENCE_TIMES times, s. In longer ones it

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from galloping.identification.observations import Finding
+from galloping.identification.findings import Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.sentences import explain, join_words
 from galloping.model.intervals import NORMAL_95

@@ -8,8 +8,8 @@ from numpy.polynomial.legendre import Legendre, legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from galloping.arrays import TIME_ROUNDING, round_down, round_up
+from galloping.identification.findings import Code, Finding
 from galloping.identification.free_motion.rest import moving_samples
-from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import find_saturated_values
 from galloping.identification.sentences import sentence_of
 from galloping.inspection.noticed import write_sentences

@@ -11,7 +11,7 @@ import numpy as np
 from galloping.arrays import finest_step
 from galloping.fields import list_first
 from galloping.identification.inputs import MIN_SAMPLES
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.readers import MAX_LISTED_NAMES, FileError
 from galloping.readers.columns import measured_quantity, quantity_by_name_alone
 from galloping.readers.file_table import MAX_NAME_LENGTH, FileTable, read_table

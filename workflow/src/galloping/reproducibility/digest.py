@@ -26,7 +26,7 @@ from galloping import deferred
 
 PACKAGE = Path(__file__).parents[1].name
 # modules without effect on numbers: logs, receipts, messages and progress
-UNCOUNTED_MODULES = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
+UNCOUNTED_MODULES = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.progress_reports")
 DOCSTRING_NODES = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 

@@ -1,137 +1,118 @@
-"""Advice on the further recording that would best improve the least certain term."""
+"""Advice to engineers, the most useful first, and the meaning of findings."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from math import floor, log10
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from galloping.arrays import round_down, round_up
-from galloping.behaviour.dynamics import Surroundings
-from galloping.evaluation.bounds import Experiment, bound_of, information
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code
-from galloping.model.polynomial import term_name, velocity_pairs
-from galloping.readers.units import coefficient_unit, is_span, state_unit
-from galloping.recording.samples import Recording
+from galloping.identification.sentences import explain, join_words
+from galloping.inspection.quality import make_finding
+from galloping.readers.units import is_same_quantity, is_span
 
-RELEASE_FACTOR = 1.5  # proposed initial displacement over the largest recorded one, from rest
-MAX_RELEASE_FACTOR = 2.0  # later displacement over the same; the model is unknown beyond
-MAX_PERIODS = 60  # length of a further recording, periods
-# samples in the sum of information; a higher rate is represented by a smaller noise
-SAMPLES_PER_PERIOD = 40
+if TYPE_CHECKING:
+    from galloping.summary.summarise import Summary
 
-
-@dataclass(frozen=True)
-class Advice:
-    """Error of the least certain coefficient, now and after each of several further recordings.
-
-    The errors follow from the Cramér-Rao bound. term: the least certain one, with its equation.
-    coefficient, standard_error: now, in `unit`. duration_s: of a further recording. options:
-    standard error after each further recording, by its description, the best first.
-    """
-
-    term: str
-    coefficient: float
-    standard_error: float
-    unit: str
-    duration_s: float
-    options: Mapping[str, float]
+HELPS = {
+    "wind": "the wind speed, recorded beside the motion (`--input`)",
+    "places": "sensors at more places along the span, which separate its modes (`position` in a "
+    "mapping)",
+    "directions": "sensors in both directions",
+    "longer": "a longer recording of motion that grows or dies out",
+    "fewer": "fewer candidate terms (`--library`, `--degree`)",
+    "clocks": "one clock for all sensors, and samples at regular times",
+}
+WIND, PLACES = HELPS["wind"], HELPS["places"]
+# standard error of a coefficient, relative, above which a further recording is proposed
+MIN_ERROR = 0.01
 
 
-def advise(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
-    """Predict how much one more recording would reduce the least certain coefficient's error.
-
-    The further recording has the sensors of the last one. period: s, of the motion. Returns None if
-    there is no exact model, since errors of an approximate one are not noise; if the motion only
-    repeats, since other terms describe it too; and if no channel measures a state.
-    """
-    exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
-    driven = identified.is_forced or identified.model.inputs  # which differ in another recording
-    repeats = identified.has_finding(Code.MOTION_REPEATS)
-    if driven or repeats or not exact or not np.isfinite(identified.sigma[-1]).any():
-        return None
-    model, states = identified.model, identified.model.states
-    is_free = np.diag(identified.covariance) > 0.0
-    if not is_free.any():
-        return None
-    free = np.argwhere(identified.support)[is_free]
-    prior_information = np.linalg.inv(identified.covariance[np.ix_(is_free, is_free)])
-    now = bound_of(model, free, prior_information)
-    weakest = int(np.argmin(now.t))
-    if not np.isfinite(now.std[weakest]):  # lost in rounding
-        return None
-    equation, term = free[weakest]
-    duration = min(recording.time[-1] - recording.time[0], MAX_PERIODS * period)
-    step = recording.step
-    thin = max(round_down(period / SAMPLES_PER_PERIOD / step), 1)
-    sigma = np.where(np.isfinite(identified.sigma[-1]), identified.sigma[-1], np.inf)
-    first = Experiment(
-        identified.initial_states[0],
-        thin * step * np.arange(round_up(duration / (thin * step))),
-        sigma / np.sqrt(thin),
-    )
-    ranked = []
-    for name, option in _list_further_recordings(first, identified, recording).items():
-        try:
-            total = prior_information + information(model, free, option)
-        except ValueError:  # by this model the motion would not stay bounded
-            continue
-        error = float(bound_of(model, free, total).std[weakest])
-        if np.isfinite(error):
-            ranked.append((name, error))
-    return Advice(
-        f"{term_name(model.terms[term], states)} in d({states[equation]})/dt",
-        float(model.coefficients[equation, term]),
-        float(now.std[weakest]),
-        coefficient_unit(states[equation], model.terms[term], states),
-        float(duration),
-        dict(sorted(ranked, key=lambda option: option[1])),
-    )
+def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
+    """List advice on how to improve an identified model, the most useful first."""
+    identified = summary.found
+    problems = [make_finding(problem) for report in reports for problem in report["problems"]]
+    span, units = is_span(identified.model.states), input_units(reports)
+    helps = [more for _, more in meanings_and_advice(problems, span) if more]
+    if identified.status == "refused" and (idle := _format_idle_columns(reports)):
+        helps.insert(0, f"a model without {idle}, which has no motion of its own (`--states`)")
+    if len({"q_v", "q_w"}.intersection(identified.model.states)) == 1:
+        helps.append(
+            "a sensor in the other direction: vertical and horizontal motion drive each other"
+        )
+    exact = identified.status == "ok"  # errors of other models do not decrease with more data
+    findings = [each for each in identified.findings if exact or each.code != Code.RANDOM_FORCES]
+    for _, more in meanings_and_advice(findings, span):
+        helps += [more] if more and more not in " ".join(helps) else []
+    advice = summary.advice
+    if advice and advice.options and advice.standard_error > MIN_ERROR * abs(advice.coefficient):
+        name, error = next(iter(advice.options.items()))
+        helps.append(
+            f"one more recording{' at the same wind speed' * span}, preferably {name}: the "
+            "standard error of the least certain coefficient falls from "
+            f"{relative_error_text(advice.standard_error, advice.coefficient)} to "
+            f"{relative_error_text(error, advice.coefficient)}"
+        )
+    if span and identified.status == "approximate" and PLACES not in helps:
+        helps.append(f"{PLACES}; a longer recording with the same sensors does not help, since "
+                     "the unexplained motion does not average out")  # fmt: skip
+    if not identified.model.inputs and WIND not in " ".join(helps):
+        helps.append(f"{WIND}, in gusts or at several mean wind speeds: a steady wind does "
+                     "not show the wind speed from which the line gallops")  # fmt: skip
+    if identified.model.inputs or not span:  # which were recorded; no wind drives other systems
+        helps = [each for each in helps if WIND not in each]
+    if span and _has_both_directions(reports):
+        helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
+    is_wind = may_be_wind(identified, units)
+    for name in identified.model.inputs:
+        if ends := identified.recorded(name):
+            unit = shown_units(units).get(name, "")
+            beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
+            damping_hint = "; or the structural damping, measured in calm (`--known`)" * is_wind
+            helps.append(
+                f"recordings with {name} {beyond}, if the model is used there{damping_hint}"
+            )
+    return list(dict.fromkeys(helps))
 
 
-def _list_further_recordings(
-    first: Experiment, identified: IdentifiedModel, recording: Recording
-) -> dict[str, Experiment]:
-    states = identified.model.states
-    pairs = velocity_pairs(states)
-    around = Surroundings.of([recording])
-    equilibrium = around.rest(identified.model)
-    rest = around.middle if equilibrium is None else equilibrium
-    twice = first.time[1] * np.arange(2 * len(first.time))
-    of_span = is_span(states)  # which nobody can start in the same state again
-    again = "another event like this one" if of_span else "the same motion again"
-    options = {
-        again: first,
-        f"{again}, twice as long": replace(first, time=twice),
-        f"{again}, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
+def relative_error_text(error: float, coefficient: float) -> str:
+    """Format a standard error relative to its coefficient, in percent if it is smaller."""
+    share = error / abs(coefficient)
+    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{share:.2g} times the coefficient"
+
+
+def _has_both_directions(reports: Sequence[dict]) -> bool:
+    measured = {one["measures"][-1] for report in reports for one in report["channels"].values()}
+    return {"v", "w"} <= measured
+
+
+def _format_idle_columns(reports: Sequence[dict]) -> str:
+    """Format the columns without a motion of their own, if there are others; '' if not."""
+    idle = {
+        problem["column"]
+        for report in reports
+        for problem in report["problems"]
+        if problem["code"] in (Code.MOSTLY_NOISE, Code.SHOWN_TWICE)
     }
-    motion = identified.simulate(first.initial_state, first.time).states
-    bounded = np.all(np.isfinite(motion[-1]))
-    if bounded:
-        options["the time after this one"] = replace(first, initial_state=motion[-1])
-    released = () if of_span else pairs or range(len(states))  # nobody pulls at a line
-    for k in released:
-        if np.isfinite(recording.values[:, k]).any():
-            recorded = np.nanmax(np.abs(recording.values[:, k] - rest[k]))
-            if not recorded:
-                continue
-            away = RELEASE_FACTOR * recorded
-            height = round(rest[k] + away, 1 - floor(log10(away)))
-            start = first.initial_state.copy()
-            start[list(pairs.values())] = 0.0
-            start[k] = height
-            distances = np.abs(identified.simulate(start, first.time).states[:, k] - rest[k])
-            if not np.all(distances < MAX_RELEASE_FACTOR * recorded):
-                continue
-            at_rest = " at rest" if pairs else ""
-            place = f"{states[k]} = {height:g} {state_unit(states[k])}".removesuffix(" 1")
-            options[f"a release from {place}{at_rest}"] = replace(first, initial_state=start)
-    unseen = [v for k, v in pairs.items() if not np.isfinite(first.sigma[v])]
-    if unseen and bounded:
-        # with the noise of displacements, relative to the motion
-        size, sigma = motion.std(axis=0), first.sigma.copy()
-        for k, v in pairs.items():
-            sigma[v] = min(sigma[v], size[v] * sigma[k] / size[k])
-        options[f"{again}, with velocities beside displacements"] = replace(first, sigma=sigma)
-    return options
+    others = {column for report in reports for column in report["channels"]} - idle
+    return join_words(sorted(idle)) if idle and others else ""
+
+
+def meanings_and_advice(findings: Iterable[Finding], is_span: bool = True) -> list[tuple[str, str]]:
+    """Explain in words each finding that affects a model's status, with advice on what to do."""
+    return explain(findings, True, is_span, HELPS)
+
+
+def input_units(reports: Sequence[dict]) -> dict[str, str]:
+    """Extract the unit of each input, by name, from data-quality reports."""
+    return {one["name"]: one["unit"] for report in reports for one in report["inputs"].values()}
+
+
+def shown_units(units: Mapping[str, str]) -> dict[str, str]:
+    """Return units by name without those of dimensionless quantities, which have the unit `1`."""
+    return {name: unit for name, unit in units.items() if unit != "1"}
+
+
+def may_be_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
+    """Decide whether the inputs of a span's model may be wind speeds, with the unit m/s."""
+    return is_span(found.model.states) and all(
+        is_same_quantity(units.get(name, "m/s"), "m/s") for name in found.model.inputs
+    )

@@ -11,9 +11,9 @@ import numpy as np
 from galloping import __version__
 from galloping.behaviour.dynamics import Dynamics, Surroundings, expected_dynamics
 from galloping.behaviour.following import Sensed
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import validated_problem
-from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.interpolation import (
     choose_interpolants,
     with_interpolants,
@@ -25,7 +25,7 @@ from galloping.inspection.excerpts import excerpts, identify_excerpts
 from galloping.inspection.quality import inspect_recording, make_finding
 from galloping.model.polynomial import Exponents, PolynomialModel, polynomial_library
 from galloping.model.terms import known_model, parse_library
-from galloping.passes import part, passing
+from galloping.progress_reports import part, passing
 from galloping.readers.mapping import ColumnMapping
 from galloping.readers.recordings import (
     MAX_SILENT_PERIODS,

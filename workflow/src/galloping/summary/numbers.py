@@ -13,19 +13,19 @@ import numpy as np
 from galloping.behaviour.dynamics import MIN_DAMPING_RATIO, Dynamics, Surroundings, Value
 from galloping.behaviour.following import Sensed, without_outliers
 from galloping.cycles.settling import Pace
+from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code
 from galloping.identification.random_forces.tracking import Forces
 from galloping.inspection.excerpts import excerpts
 from galloping.inspection.quality import find_peaks, spectrum
 from galloping.model.polynomial import design_matrix, term_name, velocity_pairs
 from galloping.readers.units import coefficient_unit, meaning, plain_unit
 from galloping.recording.samples import Recording, mean_inputs
-from galloping.summary.helps import input_units, shown_units
+from galloping.summary.advice import input_units, shown_units
 
 if TYPE_CHECKING:
     from galloping.behaviour.forecast import ScoredForecast
-    from galloping.summary.advice import Advice
+    from galloping.summary.further_recording import Advice
     from galloping.summary.summarise import Summary
 
 MAX_ABSENT_TERMS = 3  # listed terms that may exist undetected

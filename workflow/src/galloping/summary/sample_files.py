@@ -20,7 +20,7 @@ from scipy.signal import StateSpace, dlsim
 
 from galloping.behaviour.dynamics import Value
 from galloping.configuration.kinds import EXAMPLES
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.model.intervals import NORMAL_95
 from galloping.model.terms import known_model
 from galloping.readers.mapping import read_mapping, validate_mapping

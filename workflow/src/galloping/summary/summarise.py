@@ -36,20 +36,20 @@ from galloping.behaviour.forecast import (
     with_factors,
 )
 from galloping.behaviour.objections import Identify, with_objections
+from galloping.identification.findings import Finding
 from galloping.identification.free_motion.answer import without_omissions
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
-from galloping.identification.observations import Finding
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import apply_model_filter
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import identify_excerpts
 from galloping.inspection.quality import MIN_PERIODS, find_peaks, sampled_time, spectrum
-from galloping.passes import part, passing
+from galloping.progress_reports import part, passing
 from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import Input, Recording, typical_inputs
-from galloping.summary.advice import Advice, advise
+from galloping.summary.further_recording import Advice, advise
 from galloping.summary.numbers import compute_numbers
 from galloping.summary.wording import render_summary
 

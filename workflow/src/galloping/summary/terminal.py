@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from galloping.passes import progress
+from galloping.progress_reports import progress
 
 FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0  # s: time to the first line, and between two lines
 BAR_STEPS = 1000  # steps of the progress bar

@@ -11,13 +11,13 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 
 from galloping.behaviour.dynamics import EXTRAPOLATION_RATIO, MIN_DAMPING_RATIO, Value
+from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code
 from galloping.identification.sentences import join_words
 from galloping.inspection.noticed import envelope_rows, write_sentences
 from galloping.readers.units import is_span, meaning, plain_unit
 from galloping.recording.samples import Recording
-from galloping.summary.helps import (
+from galloping.summary.advice import (
     input_units,
     list_advice,
     may_be_wind,

@@ -11,8 +11,8 @@ import numpy as np
 
 from galloping.evaluation.bounds import bounds_of, on_library
 from galloping.identification.cell import identify
+from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.observations import Code
 from galloping.identification.work import limit_work
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import Exponents, PolynomialModel, velocity_pairs

@@ -24,8 +24,8 @@ from scipy.interpolate import CubicSpline
 
 from galloping.configuration.load import load, plain
 from galloping.cycles.settling import settle
+from galloping.identification.findings import Code
 from galloping.identification.likelihood.instrument import FORCE_CODES
-from galloping.identification.observations import Code
 from galloping.line.galerkin import STATES, coefficients, make_model
 from galloping.line.gusts import wind_speed
 from galloping.model.polynomial import PolynomialModel, design_matrix, polynomial_library

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.answers import fitted_model, prepend_path
+from galloping.identification.findings import Code, Finding
 from galloping.identification.free_motion.envelope import fit_envelope, strongest_channel
 from galloping.identification.free_motion.kinds_of_motion import (
     FreeMotion,
@@ -22,8 +22,8 @@ from galloping.identification.free_motion.linearity import MIN_SIGNIFICANCE
 from galloping.identification.free_motion.rest import MovingRecordings, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
+from galloping.identification.postprocessing import fitted_model, prepend_path
 from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.problem import Problem
 from galloping.model.polynomial import linear_term, velocity_pairs

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
-from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.work import count_work
 

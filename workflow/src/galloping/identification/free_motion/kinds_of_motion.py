@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from galloping.arrays import one_thread
+from galloping.identification.findings import Code, Finding
 from galloping.identification.free_motion import linearity
 from galloping.identification.free_motion.cleaning import remove_unexplained_samples
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
@@ -27,7 +28,6 @@ from galloping.identification.free_motion.mode_search import (
     unexplained_power_share,
 )
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import DRIFT_DEGREE, sampled_rates
 from galloping.identification.random_forces.channels import Channels
 from galloping.model.polynomial import velocity_pairs

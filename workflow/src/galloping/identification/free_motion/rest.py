@@ -13,9 +13,9 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from galloping.arrays import finest_step, one_thread
+from galloping.identification.findings import Code, Finding, Severity
 from galloping.identification.free_motion.damped_modes import Stretch
 from galloping.identification.free_motion.mode_search import strongest_mode
-from galloping.identification.observations import Code, Finding, Severity
 from galloping.identification.preparation.smoothing import sampled_rates
 from galloping.model.functions import Function
 from galloping.model.polynomial import Exponents, velocity_pairs

@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.special import ndtri
 
-from galloping.identification.answers import refused_model
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.likelihood.approximate_fit import prior_covariance
 from galloping.identification.likelihood.condense import TRUNCATION_ERROR
 from galloping.identification.likelihood.free_run import sandwich_covariance
-from galloping.identification.likelihood.model_error import prior_covariance
 from galloping.identification.likelihood.residual_tests import FALSE_OBJECTION_RATE
 from galloping.identification.likelihood.verdict import (
     FitFields,
@@ -15,7 +15,7 @@ from galloping.identification.likelihood.verdict import (
     assess_approximation,
     assess_fit,
 )
-from galloping.identification.observations import Code, Finding
+from galloping.identification.postprocessing import refused_model
 from galloping.identification.problem import Problem, largest_coefficients
 from galloping.model.polynomial import design_matrix
 from galloping.recording.samples import Recording, inputs_at_times

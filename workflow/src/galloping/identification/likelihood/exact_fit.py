@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.answers import prepend_path
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.free_run import approximate_free_runs, has_forgotten_start
 from galloping.identification.likelihood.instrument import FORCE_CODES, find_faults
@@ -26,7 +26,7 @@ from galloping.identification.likelihood.trajectory_fit import (
 )
 from galloping.identification.likelihood.verdict import Regression, assess_fit
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
+from galloping.identification.postprocessing import prepend_path
 from galloping.identification.preparation.weak_form import Start
 from galloping.identification.selection import n_unidentifiable_directions
 from galloping.identification.work import is_exhausted

@@ -21,7 +21,7 @@ from galloping.identification.likelihood.weak_constraint import (
 )
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import exponent_matrix
-from galloping.passes import passing
+from galloping.progress_reports import passing
 
 # Number of parts of a stretch. Coefficients are constant in each part, which lasts a tenth of their
 # correlation time. Measured: with ten parts, the slow mode seems to fluctuate as well.

@@ -8,15 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.likelihood.elimination import RANK_TOLERANCE
-from galloping.identification.likelihood.model_error import (
+from galloping.identification.likelihood.approximate_fit import (
     SYSTEMATIC_FACTOR,
     Approximation,
     as_identified,
     prior_covariance,
     small_sample_factor,
 )
+from galloping.identification.likelihood.elimination import RANK_TOLERANCE
 from galloping.identification.likelihood.shooting import (
     Segments,
     ShootingData,
@@ -29,7 +30,6 @@ from galloping.identification.likelihood.trajectory_fit import (
     take_step,
 )
 from galloping.identification.no_model import NoModel
-from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import solve_support
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.condense import PROJECTIONS
 from galloping.identification.likelihood.elimination import Eliminated, eliminate_chains
 from galloping.identification.likelihood.shooting import (
@@ -21,7 +22,6 @@ from galloping.identification.likelihood.shooting import (
     ShootingFit,
     segment_residuals,
 )
-from galloping.identification.observations import Code, Finding
 from galloping.identification.selection import (
     MIN_INDEPENDENT_SHARE,
     make_tableau,

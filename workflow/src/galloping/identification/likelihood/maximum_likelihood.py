@@ -12,14 +12,7 @@ from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
 from galloping.identification.aliases import add_alias_rivals
-from galloping.identification.answers import (
-    add_input_errors,
-    check_prior_conflict,
-    expand_terms,
-    explain_single_state,
-    prepend_path,
-    refused_model,
-)
+from galloping.identification.findings import Code, Finding
 from galloping.identification.free_motion.answer import (
     FREE_MOTION,
     find_free_motion,
@@ -40,10 +33,10 @@ from galloping.identification.inputs import (
     segments_with_inputs,
     validated_problem,
 )
+from galloping.identification.likelihood.approximate_fit import fit_approximation
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.exact_fit import fit_exact
 from galloping.identification.likelihood.free_run import fit_free_runs
-from galloping.identification.likelihood.model_error import fit_approximation
 from galloping.identification.likelihood.starts import (
     TIME_SCALES,
     has_free_equilibrium,
@@ -57,7 +50,14 @@ from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
 )
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
+from galloping.identification.postprocessing import (
+    add_input_errors,
+    check_prior_conflict,
+    expand_terms,
+    explain_single_state,
+    prepend_path,
+    refused_model,
+)
 from galloping.identification.preparation.interpolation import held_inputs, undersampled_inputs
 from galloping.identification.preparation.weak_form import Start, delayed_inputs, make_start
 from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior
@@ -240,7 +240,7 @@ def _run_searches(searches: Sequence[Search], recordings: list[Recording]) -> Ou
             else:
                 unsure = outcome
                 limits.enter_context(limit_work(recordings, 0.25 * MAX_WORK))
-    return unsure if unsure and outcome.tells_little else outcome
+    return unsure if unsure and outcome.lacks_useful_forecast else outcome
 
 
 def _search_exact(start: Start, _: Findings) -> tuple[Outcome, bool]:

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.elimination import eliminate_chains
 from galloping.identification.likelihood.instrument import add_inputs, score_test
 from galloping.identification.likelihood.shooting import ShootingFit
-from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
 from galloping.model.functions import Function

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from galloping.arrays import TIME_ROUNDING
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.smoothing import sampled_rates
 from galloping.recording.samples import Recording
 

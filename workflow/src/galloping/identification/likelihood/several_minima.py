@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from galloping.identification.findings import Code
 from galloping.identification.likelihood.elimination import (
     Eliminated,
     chain_segments,
@@ -25,7 +26,6 @@ from galloping.identification.likelihood.trajectory_fit import (
     update_noise,
 )
 from galloping.identification.no_model import NoModel, NotConvergedError, attempt
-from galloping.identification.observations import Code
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal

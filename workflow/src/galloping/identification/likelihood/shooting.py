@@ -12,11 +12,11 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
+from galloping.identification.findings import Code
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.repetition import FollowedRecording
 from galloping.identification.likelihood.square_root import separate_states
 from galloping.identification.no_model import NotConvergedError
-from galloping.identification.observations import Code
 from galloping.identification.problem import Problem
 from galloping.identification.work import count_work
 from galloping.recording.samples import Recording

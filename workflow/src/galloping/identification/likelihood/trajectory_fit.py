@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.condense import (
     TRUNCATION_ERROR,
     WINDOWS_PER_PERIOD,
@@ -26,14 +27,13 @@ from galloping.identification.likelihood.shooting import (
     shorten_step,
 )
 from galloping.identification.no_model import NotConvergedError, as_finding
-from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.rate_channels import channel_noise, stack_channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
 from galloping.identification.selection import Price, n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import design_matrix, velocity_pairs
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.recording.samples import Recording
 
 # Length of the first segments, in periods. Fits to them converge from a rough guess.

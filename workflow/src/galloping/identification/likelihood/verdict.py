@@ -12,10 +12,9 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.answers import fitted_model
+from galloping.identification.findings import Code, Finding, as_warnings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
-from galloping.identification.observations import Code, Finding, as_warnings
 from galloping.identification.oscillations import FurtherMode
 from galloping.identification.plausible import (
     MISS_RATE,
@@ -25,6 +24,7 @@ from galloping.identification.plausible import (
     unconditional_errors,
     weigh_by_prior,
 )
+from galloping.identification.postprocessing import fitted_model
 from galloping.identification.problem import MAX_PRIOR_DEVIATION, Problem
 from galloping.identification.selection import (
     Whitened,

@@ -6,7 +6,7 @@ import numpy as np
 
 from galloping.arrays import one_thread
 from galloping.identification.aliases import add_alias_rivals
-from galloping.identification.answers import add_input_errors, refused_model
+from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import (
     checked_recordings,
@@ -16,7 +16,7 @@ from galloping.identification.inputs import (
 from galloping.identification.likelihood.repetition import FollowedRecording
 from galloping.identification.likelihood.verdict import Regression, assess_fit
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
-from galloping.identification.observations import Code
+from galloping.identification.postprocessing import add_input_errors, refused_model
 from galloping.identification.preparation.weak_form import MAX_WEAK_MISFIT, Start, make_start
 from galloping.model.polynomial import Exponents, PolynomialModel
 from galloping.recording.samples import Recording

@@ -11,8 +11,8 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
 from galloping.arrays import TIME_ROUNDING, first_from
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
     MIN_CURVE_SAMPLES,

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.arrays import TIME_ROUNDING, finest_step, round_down
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import (
     GRID_PER_PERIOD,
     Smooth,
@@ -21,7 +21,7 @@ from galloping.identification.preparation.smoothing import (
     without_stuck_channels,
 )
 from galloping.identification.work import count_work
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.recording.samples import Recording
 
 

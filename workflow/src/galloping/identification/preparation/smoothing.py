@@ -17,8 +17,8 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from galloping.arrays import TIME_ROUNDING, round_up
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording, inputs_on_grid
 

@@ -14,15 +14,15 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from galloping.arrays import round_down
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.identification.problem import Problem, largest_coefficients
 from galloping.identification.selection import Price, solve_support
 from galloping.identification.work import count_work
 from galloping.model.polynomial import design_matrix, linear_term, term_name
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.recording.samples import Recording, evaluate_extended, inputs_on_grid
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # grid steps between test functions: a third of their radius

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import sampled_rates, without_drift
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording

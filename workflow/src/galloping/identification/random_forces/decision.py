@@ -12,17 +12,17 @@ from itertools import chain
 from typing import TypeGuard
 
 from galloping.arrays import one_thread
-from galloping.identification.answers import (
+from galloping.identification.findings import Code, Finding
+from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.inputs import segments_with_inputs
+from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.postprocessing import (
     add_input_errors,
     check_prior_conflict,
     expand_terms,
     prepend_path,
     refused_model,
 )
-from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.inputs import segments_with_inputs
-from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.fitting import ForcedFit

@@ -25,7 +25,7 @@ from galloping.identification.random_forces.whiteness import (
 )
 from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.recording.samples import inputs_at_times
 
 FIRST_STEP = 1e-5  # first step of finite differences, in the unit of a parameter

@@ -7,13 +7,13 @@ from itertools import product
 
 import numpy as np
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.no_model import (
     IdentificationError,
     NoModel,
     NotConvergedError,
     attempt,
 )
-from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import Resonance
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
@@ -35,7 +35,7 @@ from galloping.identification.random_forces.tracking import (
 from galloping.identification.work import is_exhausted
 from galloping.model.modes import Modes
 from galloping.model.polynomial import design_matrix
-from galloping.passes import passing
+from galloping.progress_reports import passing
 from galloping.recording.samples import Recording, inputs_at_times, mean_inputs
 
 # First decay rate of slow forces, 1/s, divided by the slowest modal frequency, rad/s.

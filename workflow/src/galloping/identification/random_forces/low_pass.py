@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.arrays import TIME_ROUNDING
+from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.preparation.smoothing import sampled_rates
 from galloping.recording.samples import MAX_INTERPOLATED_STEPS, Recording
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, attempt
-from galloping.identification.observations import Code, Finding
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.plausible import detection_limits
 from galloping.identification.preparation.rate_channels import estimate_scales, with_scales

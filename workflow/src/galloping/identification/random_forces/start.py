@@ -15,8 +15,8 @@ from scipy.fft import next_fast_len
 from scipy.optimize import nnls
 
 from galloping.arrays import round_down
+from galloping.identification.findings import Code
 from galloping.identification.no_model import NO_MODEL_ERRORS, IdentificationError, NoModel, attempt
-from galloping.identification.observations import Code
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.preparation.weak_form import MAX_WEAK_MISFIT, Start

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.recording.samples import Factor, Input, evaluate_extended
 
 # Number of ticks, to which times are rounded, in a median step. Equal steps then have equal length.

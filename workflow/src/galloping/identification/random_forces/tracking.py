@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.oscillations import Resonance
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import (

@@ -4,7 +4,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from galloping.identification.observations import Code, Finding
+from galloping.identification.findings import Code, Finding
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.several_modes import (
     MIN_MODE_PERIODS,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from galloping.identification.observations import Code, Finding, Severity
+from galloping.identification.findings import Code, Finding, Severity
 from galloping.identification.random_forces.start import sample_correlations
 
 FALSE_ALARM_RATE = 1e-3  # rate of false alarms of each test, for sound recordings

@@ -13,8 +13,8 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
+from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.identification.sparse.regression import (
     ReducedRegression,
     block_slices,

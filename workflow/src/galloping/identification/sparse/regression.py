@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from galloping.identification.findings import Code
 from galloping.identification.identified_model import NO_ARRAY, IdentifiedModel
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.observations import Code
 from galloping.model.polynomial import Exponents, PolynomialModel
 
 BLOCKS = 10  # number of blocks of a recording, for bootstrap and cross-validation

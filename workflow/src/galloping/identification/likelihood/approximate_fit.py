@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.special import stdtrit
 
-from galloping.identification.answers import prepend_path, refused_model
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.elimination import (
     Eliminated,
@@ -33,12 +33,12 @@ from galloping.identification.likelihood.weak_constraint import (
     white_autocovariance,
 )
 from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, NotConvergedError, attempt
-from galloping.identification.observations import Code, Finding
+from galloping.identification.postprocessing import prepend_path, refused_model
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import NORMAL_95, QUANTILES_95
-from galloping.passes import passing
+from galloping.progress_reports import passing
 
 # Ratio of total variance to variance between stretches. The systematic error of all stretches may
 # be as large as the latter.

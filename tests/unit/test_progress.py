@@ -11,9 +11,9 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import galloping
-from galloping import passes
+from galloping import progress_reports
 from galloping.identification.work import OUTPUT_WORK, count_work, limit_work, sub_budget
-from galloping.passes import part, passing, progress
+from galloping.progress_reports import part, passing, progress
 from galloping.summary import terminal
 
 TIME = np.arange(2000) / 20
@@ -42,7 +42,7 @@ def test_an_identification_tells_how_far_it_is_and_is_silent_by_default(capfd):
     assert shares[0] > 0 and shares[-2] < 0.5 < shares[-1] < 1
     galloping.maximum_likelihood(RECORDING, TERMS)
     assert capfd.readouterr() == ("", "") and len(told) == len(names)
-    assert doctest.testmod(passes).failed == 0
+    assert doctest.testmod(progress_reports).failed == 0
 
 
 def test_parts_take_their_share_also_where_they_fail():

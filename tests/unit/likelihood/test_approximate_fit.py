@@ -9,7 +9,7 @@ from galloping import IdentifiedModel, Recording, maximum_likelihood, simulate
 from galloping import polynomial_library as library
 from galloping.configuration.load import load, plain
 from galloping.figures.verdicts import draw_model_error
-from galloping.identification.observations import Code
+from galloping.identification.findings import Code
 from galloping.identification.registry import BY_NAME
 from galloping.line.continuous import draw_wind
 from galloping.line.galerkin import STATES, coefficients, make_model

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import RANGE_SUFFIXES, TERM_FIELDS, IdentifiedModel
-from galloping.identification.observations import Code, Finding
 from galloping.identification.problem import MAX_PRIOR_DEVIATION, Problem
 from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import exponent_matrix, has_functions
