@@ -62,7 +62,8 @@ def test_exact_without_noise(resonant, method, protocol, points):
     (found,) = run(method, recordings(resonant, protocol, level=0, points=points))
     assert found.status != "refused"
     assert np.array_equal(found.model.coefficients != 0, true.support)
-    assert found.model.coefficients == pytest.approx(true.coefficients, rel=1e-6)
+    # rounding may decide between filters, of which the worst has an error of 5e-6
+    assert found.model.coefficients == pytest.approx(true.coefficients, rel=1e-5)
 
 
 @pytest.mark.filterwarnings("ignore:Sparsity parameter is too big")
