@@ -176,17 +176,20 @@ def _unfold(
     is_known = np.isfinite(values)
     time, values = time[is_known], values[is_known] - values[is_known].mean()
     sampling_rate = 1.0 / np.median(np.diff(time))
+    places = np.round((time - time[0]) * sampling_rate).astype(int)
+    if places[-1] > 10 * len(values):  # mostly gaps
+        return frequency
+    series = np.zeros(places[-1] + 1)
+    series[places] = values
+    heights = _peak_heights(np.abs(np.fft.rfft(series)[1:]) ** 2)
     multiples = rate * np.arange(1 + int(sampling_rate / rate))
     candidates = np.append(multiples + frequency, multiples - frequency)
     # the samples fold frequencies too
     candidates = np.abs(candidates - sampling_rate * np.round(candidates / sampling_rate))
-    shifts = np.arange(3, NEIGHBOUR_BINS + 1) / np.ptp(time)
-    nearby = np.concatenate([[0.0], shifts, -shifts])
 
     def height(candidate: float) -> float:
-        phases = np.exp(-2j * np.pi * np.outer(candidate + nearby, time))
-        line, *others = np.abs(phases @ values) ** 2
-        return float(line / np.mean(others))
+        place = int(candidate / sampling_rate * len(series) + 0.5) - 1
+        return float(np.max(heights[max(place - 1, 0) : place + 2], initial=0.0))
 
     highest = max(candidates, key=height)
     return float(highest) if height(highest) > least else frequency
@@ -196,12 +199,20 @@ def _highest_peak(power: np.ndarray) -> tuple[float, int]:
     """Find the highest ratio of a periodogram bin to the mean of its neighbours.
 
     Returns the ratio and the bin; a ratio of zero if a record is too short to have so many
-    neighbours. The two bins beside a peak, into which it leaks, are left out.
+    neighbours.
     """
     if len(power) <= 2 * NEIGHBOUR_BINS:
         return 0.0, 1
+    heights = _peak_heights(power)
+    return float(heights.max()), 1 + int(np.argmax(heights))
+
+
+def _peak_heights(power: np.ndarray) -> np.ndarray:
+    """Compute the ratio of each periodogram bin, (n,), to the mean of its neighbours.
+
+    The two bins beside a peak, into which it leaks, are left out.
+    """
     window = np.ones(2 * NEIGHBOUR_BINS + 1)
     window[NEIGHBOUR_BINS - 2 : NEIGHBOUR_BINS + 3] = 0.0
     weight = np.convolve(np.ones(len(power)), window, mode="same")
-    ratio = power / (np.convolve(power, window, mode="same") / weight)
-    return float(ratio.max()), 1 + int(np.argmax(ratio))
+    return power / (np.convolve(power, window, mode="same") / weight)

@@ -1,6 +1,6 @@
 """Tests of the terms of a fit against rival terms, whose findings decide its status.
 
-The status of a model follows from all its findings (`observations.status_of`). Other modules add
+The status of a model follows from all its findings (`findings.status_of`). Other modules add
 findings on the recordings, the residuals and the model's behaviour.
 """
 
