@@ -37,6 +37,7 @@ COMBINATIONS = [  # accelerations alone: test_rate_channels; weak_gls, made for 
     for points in (100, 115, 389, 1000)  # shorter, too, than their factor
     if not m.needs_uniform and "derivative" in m.protocols
 ]
+FILTERED = [(method, "state") for method in ("stlsq", "lasso", "frols", "ensemble")]
 NAME = ("a_case", "state", "a_cell")
 OSCILLATOR = PolynomialModel(
     ("x", "dx"), polynomial_library(2, 1), np.array([[0.0, 0.0, 1.0], [0.3, -2.0, 0.0]])
@@ -62,8 +63,9 @@ def test_exact_without_noise(resonant, method, protocol, points):
     (found,) = run(method, recordings(resonant, protocol, level=0, points=points))
     assert found.status != "refused"
     assert np.array_equal(found.model.coefficients != 0, true.support)
-    # rounding may decide between filters, of which the worst has an error of 5e-6
-    assert found.model.coefficients == pytest.approx(true.coefficients, rel=1e-5)
+    # rounding may decide which filter smooths exact states: one of them has an error of 5e-6
+    rel = 1e-5 if (method, protocol) in FILTERED else 1e-6
+    assert found.model.coefficients == pytest.approx(true.coefficients, rel=rel)
 
 
 @pytest.mark.filterwarnings("ignore:Sparsity parameter is too big")

@@ -90,7 +90,7 @@ def test_a_second_motion_that_begins_to_grow_is_no_end_of_growth():
 def test_rounding_of_a_motion_without_damping_is_no_onset():
     answer = assess(two_oscillators(0.0), {"U": np.array([3.0, 9.0])})
     assert not answer.onsets
-    assert any("has no damping" in note for note in answer.notes)
+    assert len(answer.notes) == 1  # instead of one for each crossing that is not followed
 
 
 def test_a_line_has_the_onset_of_its_closed_form_and_both_its_limit_cycles():
