@@ -16,9 +16,7 @@ from galloping import polynomial_library as library
 from galloping.identification.findings import Code
 from galloping.identification.likelihood.instrument import FORCE_CODES
 from galloping.identification.likelihood.starts import starts_of_terms
-from galloping.identification.likelihood.trajectory_fit import (
-    fit_free_segments,
-)
+from galloping.identification.likelihood.trajectory_fit import fit_free_segments
 from galloping.identification.preparation.weak_form import make_start
 from galloping.identification.prior_knowledge import PRIOR
 from galloping.identification.problem import make_problem

@@ -130,12 +130,7 @@ class MaximumLikelihood:
         self.forced = forced
 
     def fit(
-        self,
-        x: Data,
-        t: SampleTimes = None,
-        u: Driving = None,
-        *,
-        x_dot: Data | None = None,
+        self, x: Data, t: SampleTimes = None, u: Driving = None, *, x_dot: Data | None = None
     ) -> "MaximumLikelihood":
         """Fit the model to one or several recordings of one system.
 
@@ -245,12 +240,7 @@ class MaximumLikelihood:
         return motion.states
 
     def score(
-        self,
-        x: Data,
-        t: SampleTimes = None,
-        u: Driving = None,
-        *,
-        x_dot: Data | None = None,
+        self, x: Data, t: SampleTimes = None, u: Driving = None, *, x_dot: Data | None = None
     ) -> float:
         """Compute R2 of the simulated states, or of predicted derivatives if `x_dot` is given.
 

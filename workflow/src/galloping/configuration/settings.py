@@ -299,8 +299,7 @@ class TrialSection(
                 most = PUBLISHED_DURATIONS.get(case, duration)
                 if duration > most:
                     raise make_error(
-                        f"{duration:g} is not allowed; of {case} at most {most:g}",
-                        "durations",
+                        f"{duration:g} is not allowed; of {case} at most {most:g}", "durations"
                     )
         return self
 

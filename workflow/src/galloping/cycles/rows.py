@@ -93,11 +93,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     def add_row(branch: str, value: float, what: str, **further: Any) -> None:
         row = _place_columns(label, name, along.family.unit, value)
         row |= {"branch": branch, "name": what}
-        nothing = {
-            "located": True,
-            "closed_form_wind_m_s": np.nan,
-            **_amplitude_columns(0.0, 0.0),
-        }
+        nothing = {"located": True, "closed_form_wind_m_s": np.nan, **_amplitude_columns(0.0, 0.0)}
         rows.append(row | nothing | {"period_s": np.nan, "note": ""} | further)
 
     def add_end(name: str, branch: Branch) -> None:

@@ -107,10 +107,7 @@ class Pace:
 
 
 def estimate_missing_sizes(
-    sizes: np.ndarray,
-    model: PolynomialModel,
-    state: np.ndarray,
-    rates: np.ndarray | float = 0.0,
+    sizes: np.ndarray, model: PolynomialModel, state: np.ndarray, rates: np.ndarray | float = 0.0
 ) -> np.ndarray:
     """Estimate the unknown amplitudes of states from known amplitudes and frequencies.
 

@@ -56,10 +56,7 @@ def _error_weights(true: PolynomialModel) -> np.ndarray:
 
 
 def oracle_rows(
-    truth: Truth,
-    replicates: Iterable[Sequence[Recording]],
-    path_length: int,
-    weak_path_length: int,
+    truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int, weak_path_length: int
 ) -> list[dict]:
     """Score sparse regression methods with the best possible tuning, chosen with the truth.
 

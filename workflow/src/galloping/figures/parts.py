@@ -194,11 +194,7 @@ def prepare_r2(axes: Axes, label: str) -> None:
 
 
 def series(
-    axes: Axes,
-    x: Sequence[float],
-    values: np.ndarray,
-    method: str,
-    limits: tuple[float, float],
+    axes: Axes, x: Sequence[float], values: np.ndarray, method: str, limits: tuple[float, float]
 ) -> None:
     """Draw a line through the medians of one method, with an interval bar at each median.
 

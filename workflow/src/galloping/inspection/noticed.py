@@ -12,9 +12,7 @@ from galloping.readers.units import meaning, plain_unit
 
 
 def write_sentences(
-    findings: Iterable[Finding],
-    further: Iterable[FurtherMode] = (),
-    of_model: Iterable[str] = (),
+    findings: Iterable[Finding], further: Iterable[FurtherMode] = (), of_model: Iterable[str] = ()
 ) -> Iterator[str]:
     """Yield sentences on findings that do not affect a model's status, and on unmodelled modes.
 

@@ -21,12 +21,7 @@ from galloping.identification.no_model import NO_MODEL_ERRORS, as_finding
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.regression import ReducedRegression
 from galloping.line.galerkin import coefficients, make_model
-from galloping.model.polynomial import (
-    Exponents,
-    PolynomialModel,
-    design_matrix,
-    polynomial_library,
-)
+from galloping.model.polynomial import Exponents, PolynomialModel, design_matrix, polynomial_library
 from galloping.recording.measurement import Motion, channel_scale
 from galloping.results import NOISE, SUBSET
 from galloping.streams import make_generator

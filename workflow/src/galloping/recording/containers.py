@@ -116,10 +116,7 @@ def _as_column_names(u: object) -> list[str] | None:
 
 
 def split_samples(
-    x: Any,
-    t: Any = None,
-    u: Any = None,
-    states: Sequence[str] | None = None,
+    x: Any, t: Any = None, u: Any = None, states: Sequence[str] | None = None
 ) -> tuple[NDArray[np.float64] | None, tuple[str, ...], NDArray[np.float64], Any]:
     """Split a user's data into sample times, state names, state values and inputs.
 

@@ -15,14 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import (
-    Immutable,
-    Matrix,
-    as_floats,
-    as_increasing,
-    as_seconds,
-    time_tie,
-)
+from galloping.arrays import Immutable, Matrix, as_floats, as_increasing, as_seconds, time_tie
 
 if TYPE_CHECKING:
     from datetime import datetime

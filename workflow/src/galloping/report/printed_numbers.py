@@ -42,10 +42,7 @@ class PaperCell:
 
 
 def section(
-    paper: pd.DataFrame,
-    varied: pd.DataFrame | None,
-    region: pd.DataFrame | None,
-    study: Mapping,
+    paper: pd.DataFrame, varied: pd.DataFrame | None, region: pd.DataFrame | None, study: Mapping
 ) -> dict:
     """Build the report's section that compares the paper's statements with the study's results.
 

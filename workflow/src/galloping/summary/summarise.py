@@ -22,12 +22,7 @@ from galloping.behaviour import dynamics as of_line
 from galloping.behaviour import forecast as ahead
 from galloping.behaviour.dynamics import Dynamics, Surroundings
 from galloping.behaviour.extrapolation import with_extent, with_extrapolation
-from galloping.behaviour.following import (
-    Following,
-    Sensed,
-    check_recordings,
-    without_outliers,
-)
+from galloping.behaviour.following import Following, Sensed, check_recordings, without_outliers
 from galloping.behaviour.forecast import (
     Forecast,
     ScoredForecast,

@@ -85,9 +85,7 @@ def table3(
 
 
 def equations(
-    model: Derived,
-    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
-    settings: Mapping,
+    model: Derived, identified: Mapping[str, Mapping[str, list[IdentifiedModel]]], settings: Mapping
 ) -> pd.DataFrame:
     """Tabulate the true terms of an overhead line and the terms identified from single recordings.
 

@@ -96,10 +96,7 @@ class Simulator:
     """
 
     def __init__(
-        self,
-        states: tuple[str, ...],
-        terms: tuple[Exponents, ...],
-        inputs: tuple[str, ...] = (),
+        self, states: tuple[str, ...], terms: tuple[Exponents, ...], inputs: tuple[str, ...] = ()
     ) -> None:
         self.states, self.terms, self.inputs = states, terms, inputs
         self._step = np.inf
