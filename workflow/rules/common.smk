@@ -23,12 +23,10 @@ if RESULTS_VARIABLE not in os.environ:  # else `make` has printed them
 LINES = [case.name for case in STUDY.cases]
 FIRST_CASE = LINES[0] if LINES else "none"  # case of figures and tables of one case
 CONTINUOUS_CASES = [case.name for case in STUDY.cases if case.is_continuous]
-DEPARTURES = shown.departures_from_paper(
-    STUDY
-)  # changes by case; empty without a case of the paper
-REDRAWN_CASES = [
-    name for name, why in DEPARTURES.items() if not why
-]  # cases with many realisations
+# changes by case; empty without a case of the paper
+DEPARTURES = shown.departures_from_paper(STUDY)
+# cases with many realisations
+REDRAWN_CASES = [name for name, why in DEPARTURES.items() if not why]
 # case that is also redrawn with other values of its open parameters
 VARIED_CASE = REDRAWN_CASES[0] if REDRAWN_CASES else "none"
 DEGREE = STUDY.settings.identification.degree

@@ -236,9 +236,7 @@ def identify(
         }  # fmt: skip
         click.echo(json_text(content))
     else:
-        text, _, _ = (
-            (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL_TITLE)
-        )
+        text = (Path(output) / "summary.md").read_text(encoding="utf-8").split(TECHNICAL_TITLE)[0]
         click.echo(f"{text}Written to {output}: summary.md also contains the technical part")
     if identified.status == "refused":
         raise SystemExit(EXIT_REFUSED)

@@ -142,14 +142,7 @@ def plot_phase(
             {"subplot_kw": {"projection": "3d"}} if len(axis_states) == 3 else {}
         )
         figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)
-        axes.plot(
-            *recording.values[:, columns].T,
-            ls="",
-            marker=".",
-            ms=2,
-            color=TRUE_COLOR,
-            label="samples",
-        )
+        axes.plot(*recording.values[:, columns].T, ".", ms=2, color=TRUE_COLOR, label="samples")
         if start is not None:
             motion = follow.motion(model.model, start, time)
             axes.plot(*motion[:, columns].T, color=MODEL_COLOR, lw=0.7, label="model")

@@ -309,11 +309,8 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     predictions = parts.where(table, **every).dropna(subset="true_m")
     ours = predictions.dropna(subset="predicted_m")
     if len(ours):
-        some = (
-            f"{len(ours)} of {len(predictions)} predictions of "
-            if len(ours) < len(predictions)
-            else ""
-        )
+        is_every = len(ours) == len(predictions)
+        some = "" if is_every else f"{len(ours)} of {len(predictions)} predictions of "
         error = 100 * (ours["predicted_m"] / ours["true_m"] - 1).abs().max()
         least, most = ours["wind_m_s"].min(), ours["wind_m_s"].max()
         figure.set_label(

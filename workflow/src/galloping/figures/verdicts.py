@@ -19,12 +19,7 @@ from galloping.results import MAIN_METHOD
 from galloping.tables.trial_summaries import METHODS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")
-WHOLE_STYLE: dict[str, Any] = {
-    "facecolor": "white",
-    "edgecolor": DARK_GREY,
-    "linewidth": 0.7,
-    "hatch": "////",
-}
+WHOLE_STYLE: dict[str, Any] = {"fc": "white", "ec": DARK_GREY, "lw": 0.7, "hatch": "////"}
 PEER_STYLES: dict[str, dict[str, Any]] = {  # styles of published methods
     "odr_bindy": {"color": "#000000", "ls": "--", "marker": "s", "ms": 2.5},
     "jsindy": {"color": "#1f78b4", "ls": ":", "marker": "D", "ms": 2.5},
@@ -190,11 +185,8 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
             median, worst = row[f"{quantity}_error_percent"], row[f"{quantity}_worst_percent"]
             if np.isfinite(median) or np.isposinf(median):
                 style, size = method_style(row["method"]), parts.line_look(row["method"])
-                interval = (
-                    max(median, ERROR_LIMITS[0]),
-                    median,
-                    worst,
-                )  # smaller errors are drawn at the edge
+                # smaller errors are drawn at the edge
+                interval = (max(median, ERROR_LIMITS[0]), median, worst)
                 parts.dot(axes, row["place"], interval, ERROR_LIMITS, style.color, style.marker,
                           size["markersize"])  # fmt: skip
     parts.letter(answers, len(panels), "answered; terms")

@@ -462,10 +462,8 @@ class _Sentence:
         base, number = tree.children
         sign, digits = number.children
         convert = self.divided if (sign == "-") != (division_sign is not None) else self.factor
-        power, factor = (
-            self.power(digits),
-            convert(base, equation, is_argument, division_sign or sign),
-        )
+        power = self.power(digits)
+        factor = convert(base, equation, is_argument, division_sign or sign)
         result: Sum = {self.monomial(()): 1.0}
         for _ in range(power):
             result = self.times(result, factor, digits)

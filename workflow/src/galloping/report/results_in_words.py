@@ -190,9 +190,8 @@ def _describe_reconstruction(r2: pd.DataFrame, case: str, protocol: str, noise_u
     if MAIN_METHOD not in worst.index:
         return ""
     medians = worst.loc[MAIN_METHOD]
-    medians = medians[
-        np.isfinite(medians).cummin()
-    ]  # levels below the first at which most fits have no model
+    # levels below the first at which most fits have no model
+    medians = medians[np.isfinite(medians).cummin()]
     if medians.empty:
         return ""
     text = (

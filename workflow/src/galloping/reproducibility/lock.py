@@ -106,12 +106,8 @@ def check_places(results: str) -> None:
         if inside.parts[0] in RESULT_FOLDERS and (study / LOCK_FILE).exists():
             text = f"results: {results!r} is in the results of another study, {study}"
             raise Obstacle(f"{text}; must be outside {study / inside.parts[0]}")
-    folders = (
-        Path(".snakemake"),
-        *reversed(root.parents),
-        root,
-        *map(root.joinpath, RESULT_FOLDERS),
-    )
+    inside_results = [root / name for name in RESULT_FOLDERS]
+    folders = (Path(".snakemake"), *reversed(root.parents), root, *inside_results)
     files = (Path(".snakemake", "seen.json"), root / LOCK_FILE, root / "report.html")
     wrong = [
         (path, "file or a broken link", "folder")

@@ -136,19 +136,12 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     long = max(len(filled) // SPECTRUM_SEGMENTS, 8)
     frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
     power /= np.isfinite(grid).mean(axis=0)
-    is_positive = frequency > 0
+    frequency, power = frequency[frequency > 0], power[frequency > 0]
     fine, densities = model_spectra(found, recording, np.random.default_rng(0))
     figure, (row,) = parts.panels(0.5 + ROW_HEIGHT, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
         parts.letter(axes, k, meaning(name) or name)
-        axes.semilogy(
-            frequency[is_positive],
-            power[is_positive, k],
-            ".",
-            ms=2.5,
-            color=TRUE_COLOR,
-            label="samples",
-        )
+        axes.semilogy(frequency, power[:, k], ".", ms=2.5, color=TRUE_COLOR, label="samples")
         axes.semilogy(fine, densities[:, k], color=MODEL_COLOR, label="model in random forces")
         unit = state_unit(name).replace("^2", "²")
         unit = f"({unit})" if "/" in unit else unit
@@ -212,16 +205,8 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
             look = (
                 {"label": "stable cycle"} if stable else {"label": "unstable cycle", "mfc": "white"}
             )
-            axes.plot(
-                x,
-                y,
-                color=MODEL_COLOR,
-                lw=0.6,
-                marker="o",
-                ms=3,
-                ls="-" if stable else "--",
-                **look,
-            )
+            line = "o-" if stable else "o--"
+            axes.plot(x, y, line, color=MODEL_COLOR, lw=0.6, ms=3, **look)
             parts.band(axes, x, low, high, "95 % interval", ec=BAND_EDGE, lw=0.4)
         unit = units.get(name, "")
         axes.set(xlabel=f"{name}, {unit}" if unit else name, xlim=assessment.span,

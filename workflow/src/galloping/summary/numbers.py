@@ -283,9 +283,8 @@ def _estimate_system(
 
 def _small_motion(dynamics: Dynamics, name: str) -> SmallMotionEstimates:
     frequency, damping = dynamics.frequencies[name], dynamics.damping[name]
-    grows = (
-        damping.value < -MIN_DAMPING_RATIO and damping.high <= MIN_DAMPING_RATIO
-    )  # not if unknown
+    # not if unknown
+    grows = damping.value < -MIN_DAMPING_RATIO and damping.high <= MIN_DAMPING_RATIO
     return SmallMotionEstimates(
         name,
         Estimate.from_value(frequency, "Hz"),

@@ -378,9 +378,7 @@ def _amplitude_change(states: np.ndarray) -> float:
     """Compute the largest change of an amplitude between the halves of the steady window."""
     first, last = (round(t * AMOUNTS.sampling_rate) for t in AMOUNTS.steady_window)
     middle = (first + last) // 2
-    early, late = (
-        steady_amplitude(states[first:middle, :2]),
-        steady_amplitude(states[middle : last + 1, :2]),
-    )
+    early = steady_amplitude(states[first:middle, :2])
+    late = steady_amplitude(states[middle : last + 1, :2])
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(np.max(np.abs(late / early - 1)))

@@ -46,11 +46,8 @@ RESULT_COLUMNS = (  # columns that are empty if a model does not give the value
 )  # fmt: skip
 
 
-LAYOUTS = {  # places of the sensors, in spans
-    "projected": continuous.SENSOR_POSITIONS,
-    "mid-span": (0.5,),
-    "states": (),
-}
+# places of the sensors, in spans
+LAYOUTS = {"projected": continuous.SENSOR_POSITIONS, "mid-span": (0.5,), "states": ()}
 
 
 @dataclass(frozen=True)

@@ -92,13 +92,8 @@ def of_the_default_line(
     line = default_line()
     states = line.states
     for protocol, level in product(protocols, levels):
-        columns = {
-            "group": DEFAULT,
-            "case": case,
-            "protocol": protocol,
-            "level": level,
-            "seed": seed,
-        }
+        columns = {"group": DEFAULT, "case": case, "seed": seed}
+        columns |= {"protocol": protocol, "level": level}
         attempts = [
             simulate_recording(columns | {"replicate": r}, line.model, line.time, states)
             for r in replicates
