@@ -22,7 +22,7 @@ from galloping.configuration.kinds import GAMMAS, PUBLISHED, PUBLISHED_DURATIONS
 from galloping.evaluation.bounds import Experiment, on_library, state_bound
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import PolynomialModel, polynomial_library
-from galloping.model.terms import known_model
+from galloping.model.terms import parse_model
 from galloping.recording.samples import Recording
 from galloping.streams import make_generator
 from galloping.trajectory.simulation import Simulator
@@ -36,7 +36,7 @@ PIECE_PERIODS = 4  # length of the pieces of a chaotic flow, for its bound, peri
 class PublishedSystem:
     """Dynamical system from the literature: equations, initial state and known period.
 
-    equations: as of `parse_system`. degree: of its library. chaotic: whether it forgets its initial
+    equations: as of `parse_model`. degree: of its library. chaotic: whether it forgets its initial
     state, so that its bound is that of short pieces.
     """
 
@@ -49,18 +49,8 @@ class PublishedSystem:
     @property
     def model(self) -> PolynomialModel:
         """Polynomial model of the system on its library of candidate terms."""
-        return parse_system(self.equations, self.degree)
-
-
-def parse_system(equations: str, degree: int) -> PolynomialModel:
-    """Parse the text of polynomial equations into a model with terms up to a given degree.
-
-    equations: of `terms`, separated by `;`. Raises ValueError for a term that is not in the
-    library.
-    """
-    texts = equations.split(";")
-    states = tuple(text.partition("=")[0].strip() for text in texts)
-    return known_model(texts, states, polynomial_library(len(states), degree))[0]
+        model = parse_model(self.equations)
+        return model.on_library(polynomial_library(len(model.states), self.degree))
 
 
 SYSTEMS = {
@@ -168,7 +158,7 @@ def relaxation_intervals(
     the model has x^2; covered, whether the unconditional 95 % interval contains the true
     coefficient of x^2; interval_width, of that interval.
     """
-    true = parse_system(RELAXATION.format(GAMMAS[case]), 3)
+    true = parse_model(RELAXATION.format(GAMMAS[case])).on_polynomials(3)
     quadratic = true.terms.index((2,))
     simulator = Simulator(true.states, true.terms)
     for count in samples:
