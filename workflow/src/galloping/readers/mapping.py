@@ -306,8 +306,8 @@ def parse_input(text: str, between: str | None = None) -> dict:
             f"--input {text!r}: expected NAME=COLUMN[UNIT] +- ERROR %, such as U or "
             "'U=wind[m/s] +- 2 %'"
         )
-    keys = {"name": name.strip() if equals else column, "column": column, "unit": unit}
-    keys["error"] = error.strip()
+    name = name.strip() if equals else column
+    keys = {"name": name, "column": column, "unit": unit, "error": error.strip()}
     return {key: value for key, value in {**keys, "between": between}.items() if value}
 
 

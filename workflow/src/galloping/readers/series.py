@@ -134,7 +134,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"{table.label(one.column)} has {len(column)} rows, {clock} {len(time)}"
             )
         if isinstance(one, Channel):
-            if table.column(one.column).dtype.kind == "b":
+            if of_file.kind == "b":
                 raise FileError(
                     f"{table.label(one.column)} contains true and false, and no measured motion"
                 )
