@@ -88,10 +88,7 @@ if LINES:
     by_amount = reversed(shown.amount_cells(STUDY, by_paper))
     FIGURES |= {
         "figure01": paper_figure(
-            "1 line and coordinates",
-            figures.schematics.draw_line,
-            first_line,
-            model=MODEL,
+            "1 line and coordinates", figures.schematics.draw_line, first_line, model=MODEL
         ),
         "figure02": paper_figure(
             "2 aerodynamic load",
@@ -142,10 +139,7 @@ if LINES:
             **draws,
         ),
         "figure07": paper_figure(
-            "7 R² against noise",
-            figures.errors.draw_draws,
-            papers | against_noise("r2"),
-            **draws,
+            "7 R² against noise", figures.errors.draw_draws, papers | against_noise("r2"), **draws
         ),
         "figure08": histories(
             "8 time histories under noise",
@@ -220,9 +214,7 @@ if LINES:
     }
 if has_trials(TRUST):
     FIGURES[TRUST] = methods_figure(
-        "how often each status is right",
-        figures.verdicts.draw_trust,
-        table=table_of("fits"),
+        "how often each status is right", figures.verdicts.draw_trust, table=table_of("fits")
     )
 if has_trials(MODEL_ERROR):
     FIGURES[MODEL_ERROR] = methods_figure(

@@ -5,9 +5,7 @@ rule make_table:
     input:
         unpack(lambda wildcards: TABLES[wildcards.table].input),
     output:
-        **add_receipts(
-            table=table_in_report("{table}"),
-        ),
+        **add_receipts(table=table_in_report("{table}")),
     log:
         "<logs>/make_table/{table}.log",
     benchmark:

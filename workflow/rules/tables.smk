@@ -12,10 +12,8 @@ from galloping.results import MAIN_METHOD
 SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
 READINGS = "<results>/tables/paper_readings.csv"
-MODEL, TRAJECTORY = (
-    f"<results>/models/{FIRST_CASE}.json",
-    f"<results>/trajectories/{FIRST_CASE}.npz",
-)
+MODEL = f"<results>/models/{FIRST_CASE}.json"
+TRAJECTORY = f"<results>/trajectories/{FIRST_CASE}.npz"
 # Files in git, beside the workflow: never in a storage with the results.
 ABLATION_TABLE = local("docs/identification_parts.csv")
 REGION_TABLE = local("results/reference/paper/paper_region.csv")  # result of `make paper`
