@@ -237,10 +237,10 @@ def _compute_free_dynamics(
     known_damping = best[2][np.isfinite(best[2])]
     if np.any(known_damping < -MIN_DAMPING_RATIO):
         kind = "diverged"
+    elif len(known_damping) and np.all(known_damping <= MIN_DAMPING_RATIO):
+        kind = "cycle"
     else:
-        kind = (
-            "cycle" if len(known_damping) and np.all(known_damping <= MIN_DAMPING_RATIO) else "rest"
-        )
+        kind = "rest"
     for mode in identified.further_modes:
         if mode.is_steady or not mode.frequency_error:  # steady components have no damping
             continue
