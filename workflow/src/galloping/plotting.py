@@ -1,7 +1,7 @@
 """Figures of a model and its recordings, each in one call; they need matplotlib."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -138,10 +138,8 @@ def plot_phase(
     )
     start = follow.fit_start(first_periods)
     with styled(FONT_SIZE):
-        space: dict[str, Any] = (
-            {"subplot_kw": {"projection": "3d"}} if len(axis_states) == 3 else {}
-        )
-        figure, ((axes,),) = parts.panels(3.4, width=4.2, **space)
+        projection = "3d" if len(axis_states) == 3 else None
+        figure, ((axes,),) = parts.panels(3.4, width=4.2, subplot_kw={"projection": projection})
         axes.plot(*recording.values[:, columns].T, ".", ms=2, color=TRUE_COLOR, label="samples")
         if start is not None:
             motion = follow.motion(model.model, start, time)

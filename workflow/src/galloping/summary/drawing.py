@@ -36,6 +36,7 @@ SPECTRUM_SEGMENTS = 6  # segments of a recording whose spectra are averaged
 SPECTRUM_DECADES = 6  # plotted decades of a spectrum
 BAND_EDGE = "#a8741a"  # color of the edges of a band, also visible in grey
 MARK_STYLE: Mapping[str, Any] = {"color": PAPER_COLOR, "lw": 0.8, "ls": ":"}
+CYCLE_LINE: Mapping[str, Any] = {"color": MODEL_COLOR, "lw": 0.6, "ms": 3}
 
 
 def draw_quality(
@@ -201,12 +202,10 @@ def draw_assessment(assessment: Assessment, units: Mapping[str, str]) -> Figure:
             x = [at for at, _ in chain]
             values = [cycle.half_range[state] for _, cycle in chain]
             y, low, high = np.array([(v.value, v.low, v.high) for v in values]).T
-            stable = chain[0][1].stable
-            look = (
-                {"label": "stable cycle"} if stable else {"label": "unstable cycle", "mfc": "white"}
-            )
-            line = "o-" if stable else "o--"
-            axes.plot(x, y, line, color=MODEL_COLOR, lw=0.6, ms=3, **look)
+            if chain[0][1].stable:
+                axes.plot(x, y, "o-", label="stable cycle", **CYCLE_LINE)
+            else:
+                axes.plot(x, y, "o--", label="unstable cycle", mfc="white", **CYCLE_LINE)
             parts.band(axes, x, low, high, "95 % interval", ec=BAND_EDGE, lw=0.4)
         unit = units.get(name, "")
         axes.set(xlabel=f"{name}, {unit}" if unit else name, xlim=assessment.span,
