@@ -12,8 +12,8 @@ from galloping.model.intervals import covariance_root, draw_normal
 from galloping.model.polynomial import PolynomialModel
 
 
-def covariance(rank, n=4, seed=0):
-    root = np.random.default_rng(seed).standard_normal((n, rank))
+def covariance(rank):
+    root = np.random.default_rng(0).standard_normal((4, rank))
     return root @ root.T
 
 

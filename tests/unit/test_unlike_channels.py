@@ -26,9 +26,9 @@ def of_displacements(time: np.ndarray, x: np.ndarray) -> Recording:
     return Recording(time, STATES, np.column_stack([x, np.full(len(x), np.nan)]))
 
 
-def decay(time: np.ndarray, frequency: float, seed: int = 3) -> np.ndarray:
+def decay(time: np.ndarray, frequency: float) -> np.ndarray:
     motion = np.exp(-0.05 * time) * np.cos(2.0 * np.pi * frequency * time)
-    return motion + 0.01 * np.random.default_rng(seed).standard_normal(len(time))
+    return motion + 0.01 * np.random.default_rng(3).standard_normal(len(time))
 
 
 @pytest.mark.parametrize("frequency", [1.0, 2.0])

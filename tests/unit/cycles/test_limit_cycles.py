@@ -17,8 +17,8 @@ from galloping.cycles.limit_cycles import (
 from galloping.model.polynomial import PolynomialModel
 
 
-def family(terms, matrix, states="xyz"):
-    names = tuple(states[: len(terms[0])])
+def family(terms, matrix):
+    names = tuple("xyz"[: len(terms[0])])
     return Family(lambda p: PolynomialModel(names, terms, np.array(matrix(p), float)))
 
 

@@ -30,9 +30,9 @@ RATIOS = {"dq_v": 0.005, "dq_w": 0.005}
 CHECKS = {8: (0.3868, 0.5978), 12: (1.305, 2.132), 16: (2.298, 3.277)}
 
 
-def stated(line, relative, terms=LIBRARY):
+def stated(line, relative):
     """A model that is right, with errors of that size stated of every coefficient."""
-    line = line.on_library(terms)
+    line = line.on_library(LIBRARY)
     errors = relative * np.abs(line.coefficients[unknown_support(line)])
     return IdentifiedModel(line, is_judged=True, covariance=np.diag(errors**2), known=(0, 1))
 
