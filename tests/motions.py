@@ -27,10 +27,14 @@ def of_displacement(time, states, noise, seed=1, measured=(0,), **more):
     return Recording(time, STATES, noisy(states, noise, seed, measured), **more)
 
 
-def van_der_pol(duration, start, measured=(0,)):
+def rates_of_van_der_pol(t, x):
     """Damping of -10 % of critical, and a limit cycle of 2."""
+    return [x[1], 0.2 * x[1] * (1 - x[0] ** 2) - x[0]]
+
+
+def van_der_pol(duration, start, measured=(0,)):
     time = np.arange(round(20 * duration) + 1) / 20
-    states = moved(lambda t, x: [x[1], 0.2 * x[1] * (1 - x[0] ** 2) - x[0]], start, time)
+    states = moved(rates_of_van_der_pol, start, time)
     return of_displacement(time, states, 0.02, measured=measured)
 
 
@@ -82,10 +86,10 @@ def driven():
 def with_an_accelerometer():
     """Beside the displacement; of another one alone, `of_accelerometers`."""
     own = van_der_pol(100.0, (0.3, 0.0))
-    states = moved(lambda t, x: [x[1], 0.2 * x[1] * (1 - x[0] ** 2) - x[0]], (0.3, 0.0), own.time)
+    states = moved(rates_of_van_der_pol, (0.3, 0.0), own.time)
     rates = np.full(states.shape, np.nan)
     noise = 0.05 * np.random.default_rng(8).standard_normal(len(states))
-    rates[:, 1] = 0.2 * states[:, 1] * (1 - states[:, 0] ** 2) - states[:, 0] + noise
+    rates[:, 1] = rates_of_van_der_pol(0.0, states.T)[1] + noise
     return replace(own, rates=rates)
 
 

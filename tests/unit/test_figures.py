@@ -206,6 +206,7 @@ PAIR = edited(bundle__subconductors=2)
 NO_PEERS = pd.DataFrame(
     columns=["case", "protocol", "level", "method", "setting", "mean_error_percent"]
 )
+OVERVIEW = {"case": "line", "protocol": "state", "label": "noise"}
 HISTORIES = CELL
 COEFFICIENTS = {**CELL, "kind": "noise", "label": "noise", "degree": 3,
                 "kinematics": None}  # fmt: skip
@@ -219,7 +220,7 @@ DRAWN = [  # of any number, size and kind, with what each is drawn of
           ("amplitude", (0, 0.01, 0.05), (1000, 5000), 5.0))
       for extent in (NOISE, AMOUNT) for draw in (errors.draw_draws,)),
     *((errors.draw_overview, scores(levels, error=error, methods=methods).fillna(0.0),
-       {"case": "line", "protocol": "state", "label": "noise"}, NO_PEERS)
+       OVERVIEW, NO_PEERS)
       for methods, error, levels in (
           (FOUR, 5.0, (0, 0.01, 0.05)), (FOUR, np.inf, (0, 0.01)), (["weak", "paper"], 5.0, (0,)),
           (["bound"], np.inf, (0, 0.01)), (["new_method"], 5.0, (0, 0.01)))),
@@ -263,8 +264,7 @@ def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():
 def test_an_overview_leaves_out_fits_without_true_coefficients(methods):
     table = scores((0, 0.05), methods=methods)
     table.loc[table["method"] == "maximum_likelihood", COLUMNS] = np.nan
-    settings = {"case": "line", "protocol": "state", "label": "noise"}
-    figure = errors.draw_overview(table, settings, NO_PEERS)
+    figure = errors.draw_overview(table, OVERVIEW, NO_PEERS)
     written = [text.get_text() for text in figure.axes[0].texts]
     reason = "no noisy recordings of this line have coefficient errors"
     assert written == (["1 of 4: no model"] if "weak" in methods else [reason])
@@ -274,8 +274,7 @@ def test_an_overview_leaves_out_fits_without_true_coefficients(methods):
 def test_a_bound_above_the_limit_of_the_axis_is_cut_off():
     table = scores((0.001, 0.01, 0.1), methods=("bound",)).assign(**dict.fromkeys(COLUMNS, 1e5))
     table.loc[table["level"] == 0.001, COLUMNS] = 10.0
-    settings = {"case": "line", "protocol": "state", "label": "noise"}
-    (axes,) = errors.draw_overview(table, settings, NO_PEERS).axes
+    (axes,) = errors.draw_overview(table, OVERVIEW, NO_PEERS).axes
     (bound,) = (line for line in axes.lines if len(line.get_xdata()) == 3)
     assert list(bound.get_ydata()) == [10.0, 1e5, 1e5] and axes.get_ylim()[1] == 1e3
 
@@ -284,11 +283,10 @@ def test_an_overview_says_who_errs_least():
     table = scores((0, 0.05), error=5.0, methods=("maximum_likelihood", "weak"))
     better = table["method"] == "maximum_likelihood"
     table.loc[better, COLUMNS] /= 10
-    settings = {"case": "line", "protocol": "state", "label": "noise"}
-    said = errors.draw_overview(table, settings, NO_PEERS).get_label()
+    said = errors.draw_overview(table, OVERVIEW, NO_PEERS).get_label()
     assert said.index("maximum likelihood") < said.index("weak form")
     alone = scores((0, 0.05), methods=("weak_gls",))  # which the overview does not draw
-    assert errors.draw_overview(alone, settings, NO_PEERS).get_label() == ""
+    assert errors.draw_overview(alone, OVERVIEW, NO_PEERS).get_label() == ""
 
 
 def test_errors_of_lines_have_a_row_for_each_truth_and_sensors_in_the_configured_order():

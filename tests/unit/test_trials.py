@@ -89,9 +89,8 @@ def test_claims_that_do_not_hold(result, fault, term, factor, added):
     values = true.coefficients.copy()
     values[2, TERMS.index(term)] = factor * values[2, TERMS.index(term)] + added
     wrong = replace(sure, model=replace(true, coefficients=values))
-    if (
-        fault != "beyond_4_standard_errors"
-    ):  # the limits and errors of the terms that the method then has
+    if fault != "beyond_4_standard_errors":
+        # the limits and errors of the terms that the method then has
         wrong = replace(wrong, detection_limits=np.full((4, 35), 0.01))
     row = against_truth(true, wrong)
     assert row[fault] == 1 and row["ok_and_wrong"]

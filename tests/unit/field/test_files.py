@@ -39,9 +39,9 @@ def recorded(path, frame, **more):
     return make_recording(read_series(write(path, frame), mapping), mapping)
 
 
-def questioned(path, frame):
-    """What is said of the quality of a file of a frame."""
-    mapping = validate_mapping(MAPPING)
+def questioned(path, frame, **more):
+    """What is said of the quality of a file of a frame, by the mapping with other keys."""
+    mapping = validate_mapping({**MAPPING, **more})
     return inspect_recording(read_series(write(path, frame), mapping), mapping)
 
 
@@ -217,14 +217,11 @@ def test_a_random_force_in_an_accelerometer_is_no_noise(tmp_path):
     mode = StateSpace([[0, 1], [-6.8, -0.03]], [[0], [1]], [[-6.8, -0.03]], [[1]])
     moved = lsim(mode, force, time, interp=False)[1]
     channels = [{"column": "v", "measures": "ddq_v", "unit": "mm/s^2"}]
-    mapping = validate_mapping({**MAPPING, "channels": channels})
 
     def said(values):
-        path = write(tmp_path / "a.csv", pd.DataFrame({"t": time, "v": values}))
-        return [
-            each["code"]
-            for each in inspect_recording(read_series(path, mapping), mapping)["problems"]
-        ]
+        frame = pd.DataFrame({"t": time, "v": values})
+        problems = questioned(tmp_path / "a.csv", frame, channels=channels)["problems"]
+        return [each["code"] for each in problems]
 
     assert said(moved) == [] and said(force) == ["mostly_noise"]
 

@@ -136,7 +136,7 @@ def test_a_model_whose_motion_lasts_where_the_recorded_one_dies_out_is_refused()
     assert outlives_recording(lasting(-40.0), [recording])  # which runs away
     assert not outlives_recording(lasting(0.7), [recording])
     steady = motions.on_its_limit_cycle()
-    assert not outlives_recording(replace(lasting(0.0)), [steady])
+    assert not outlives_recording(lasting(0.0), [steady])
     said = with_objections(lasting(0.0), [recording], ["a"], 1.0, lambda parts: lasting(0.0))
     assert said.status == "refused" and said.has_finding(Code.OUTLIVED)
 

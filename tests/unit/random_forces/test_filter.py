@@ -93,9 +93,8 @@ def test_settled_gains_change_nothing():
     discrete = discretise(SYSTEM, FORCES, steps.lengths)
     sensing, noise = np.array([[1.0, 0.5, 0, 0]]), np.array([0.1])
     whole = kalman_filter(samples, steps.index, *discrete, sensing, noise, np.zeros(4), np.eye(4))
-    twice = np.concatenate(
-        [steps.index[:1], steps.index[1:] + np.arange(2999) % 2]
-    )  # never settles
+    # never settles
+    twice = np.concatenate([steps.index[:1], steps.index[1:] + np.arange(2999) % 2])
     doubled = [np.concatenate([each, each]) for each in discrete]
     again = kalman_filter(samples, twice, *doubled, sensing, noise, np.zeros(4), np.eye(4))
     for one, other in zip(whole, again, strict=True):
