@@ -81,6 +81,14 @@ def test_a_line_in_gusts_holds_at_other_winds(in_gusts):
         assert amplitude == pytest.approx(right, rel=0.05)
 
 
+def test_functions_of_states_are_found_beside_an_input():
+    truth = galloping.parse_model("y = dy; dy = -9 sin(y) - 0.2 |dy| dy + F", ["F"])
+    terms, _ = galloping.library("y + dy + sin(y) + |dy| dy + F", ["y", "dy"], ["F"])
+    found = galloping.maximum_likelihood(recorded(truth, {"F": FORCE}), terms)
+    assert found.status == "ok"
+    assert found.support[1].tolist() == [False, False, True, True, True]
+
+
 def test_inputs_that_no_term_names_change_nothing(in_gusts):
     recording, _ = in_gusts
     terms = galloping.polynomial_library(2, 3)

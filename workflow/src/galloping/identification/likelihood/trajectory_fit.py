@@ -224,7 +224,7 @@ def _error_of_inputs(start: Start, guess: WeakFit, condensed: Condensed) -> np.n
     coefficients = np.minimum(np.abs(guess.free), start.largest)
     errors = np.zeros((3, n))
     for (equation, term), coefficient in zip(problem.candidates, coefficients, strict=True):
-        factor = problem.terms[term][n:]
+        factor = problem.terms[term][n : n + len(problem.inputs)]
         if any(factor):
             share = coefficient * sizes[term]
             errors[:, equation] += share * input_errors[:, problem.tables.factors.index(factor)]
