@@ -81,6 +81,16 @@ def test_a_line_in_gusts_holds_at_other_winds(in_gusts):
         assert amplitude == pytest.approx(right, rel=0.05)
 
 
+def test_a_structural_damping_tells_the_onset_from_one_steady_wind():
+    recording = recorded(LINE, {"U": Input(TIME, np.full(len(TIME), 12.0))})
+    known = Coefficient("dq", (0, 1, 0), mean=-0.5, deviation=0.02)
+    found = galloping.maximum_likelihood(recording, WIND_LIBRARY, coefficients=[known])
+    assert found.status == "ok"
+    assessed = galloping.assess(found, at={"U": np.linspace(6.0, 14.0, 9)})
+    (onset,) = assessed.onsets
+    assert onset.value.low < 0.5 / 0.06 < onset.value.high < 9.5
+
+
 def test_functions_of_states_are_found_beside_an_input():
     truth = galloping.parse_model("y = dy; dy = -9 sin(y) - 0.2 |dy| dy + F", ["F"])
     terms, _ = galloping.library("y + dy + sin(y) + |dy| dy + F", ["y", "dy"], ["F"])

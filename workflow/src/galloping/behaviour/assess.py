@@ -124,6 +124,8 @@ def list_extrapolations(found: IdentifiedModel, at: Mapping[str, ArrayLike]) -> 
         low, high = ends
         least, most = float(np.nanmin(values)), float(np.nanmax(values))
         recorded = f"90 % of the recorded values lie between {low:.3g} and {high:.3g}"
+        if low == high:
+            recorded = f"only {low:.3g} was recorded"
         for value, bound, sign in ((least, low, 1.0), (most, high, -1.0)):
             is_far = sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low
             if is_far and is_span(found.model.states):

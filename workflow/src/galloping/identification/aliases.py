@@ -42,27 +42,29 @@ class Alias:
 def remove_aliases(problem: Problem, recordings: Sequence[Recording]) -> Problem:
     """Remove candidate terms that equal combinations of simpler terms at all recorded inputs.
 
-    Candidates with a prior or bounds of their own are kept.
+    Candidates with bounds are kept. Candidates with a prior are no aliases: the prior determines
+    them, and so their sum with others determines these.
     """
     if not problem.inputs:
         return problem
     n, aliases = len(problem.states), []
     powers = exponent_matrix(problem.terms, len(problem.names))[:, n:]
     values = _distinct_input_values(problem, recordings)
-    has_prior = problem.precision > 0.0
+    has_bounds = np.zeros_like(problem.open)
     for equation, term, *_ in problem.bounds:
-        has_prior[equation, problem.terms.index(term)] = True
+        has_bounds[equation, problem.terms.index(term)] = True
+    has_no_prior = problem.open & (problem.precision == 0.0)
     is_open = problem.open.copy()
     for equation in problem.unknown:
         groups: dict[Exponents, list[int]] = {}
-        for index in np.flatnonzero(problem.open[equation]).tolist():
+        for index in np.flatnonzero(has_no_prior[equation]).tolist():
             term = problem.terms[index]
             of_states = (*term[:n], *term[len(problem.names) :])
             groups.setdefault(of_states, []).append(index)
         for group in groups.values():
-            group.sort(key=lambda j: (not has_prior[equation, j], *_complexity_key(powers[j])))
+            group.sort(key=lambda j: (not has_bounds[equation, j], *_complexity_key(powers[j])))
             for j, combination in _find_combinations(group, powers[group], values):
-                if not has_prior[equation, j]:
+                if not has_bounds[equation, j]:
                     is_open[equation, j] = False
                     simpler = {problem.terms[k]: c for k, c in combination.items()}
                     aliases.append(Alias(equation, problem.terms[j], simpler))

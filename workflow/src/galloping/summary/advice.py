@@ -65,7 +65,8 @@ def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
     for name in identified.model.inputs:
         if ends := identified.recorded(name):
             unit = shown_units(units).get(name, "")
-            beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
+            beyond = f"below {ends[0]:.3g} or above" if ends[0] < ends[1] else "other than"
+            beyond = f"{beyond} {ends[1]:.3g} {unit}".rstrip()
             damping_hint = "; or the structural damping, measured in calm (`--known`)" * is_wind
             helps.append(
                 f"recordings with {name} {beyond}, if the model is used there{damping_hint}"

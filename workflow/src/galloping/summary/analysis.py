@@ -206,9 +206,9 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
     """
     mapping = field.mapping
     terms, allowed = question.terms(mapping)
-    check_inputs_informative(field.series, terms, len(mapping.states))
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
+    check_inputs_informative(field.series, terms, len(mapping.states), bool(texts))
     model, known_states, single = known_model(texts, mapping.states, terms, inputs)
     coefficients = list(chain.from_iterable(map(as_coefficients, single)))
     if any(one.alternatives for one in field.recordings[0].inputs.values()):
@@ -246,19 +246,21 @@ def identify_field(field: Field, question: FieldQuestion) -> tuple[Field, Summar
 
 
 def check_inputs_informative(
-    series: Sequence[Series], terms: Sequence[Exponents], n_states: int
+    series: Sequence[Series], terms: Sequence[Exponents], n_states: int, is_known: bool
 ) -> None:
     """Raise ValueError if an input is constant, or crosses zero although terms divide by it.
 
-    series: of all files. terms: exponents of states and inputs.
+    series: of all files. terms: exponents of states and inputs. is_known: whether coefficients are
+    known, such as a structural damping, beside which the effect of a constant input is determined.
     """
     for k, name in enumerate(series[0].inputs, start=n_states):
         values = np.concatenate([one.inputs[name].values for one in series])
         least, most = np.nanmin(values), np.nanmax(values)
-        if least == most:
+        if least == most and not is_known:
             raise ValueError(
                 f"{series[0].path}: input {name} is {least:g} throughout: the effect of a "
-                "constant input cannot be determined; leave it out"
+                "constant input cannot be determined; leave it out, or state what is known of the "
+                "system without it (`--known`)"
             )
         if least <= 0.0 <= most and any(term[k] < 0 for term in terms):
             raise ValueError(

@@ -95,7 +95,7 @@ def render_summary(
         "most_problems": MAX_PROBLEMS,
         "refused": identified.status == "refused",
         "in_short": STATUS_SENTENCES[identified.status],
-        "winds": _recorded_range(identified) if may_be_wind(identified, units) else "",
+        "winds": _range_to_assess(identified) if may_be_wind(identified, units) else "",
         "sure": bool(np.any(identified.standard_errors > 0.0)),
         "of_span": of_span,
         "conditions": _conditions(identified, units),
@@ -172,13 +172,15 @@ def _growth(condition: "Condition") -> str:
     return "small motions may grow" if may else "small motions die out"
 
 
-def _recorded_range(identified: IdentifiedModel) -> str:
-    """Format the recorded range of a model's single input, as `U=9.69:14.5`."""
-    if len(identified.model.inputs) != 1 or not (
-        ends := identified.recorded(identified.model.inputs[0])
-    ):
+def _range_to_assess(identified: IdentifiedModel) -> str:
+    """Format a range of a model's single input to assess, as `--at U=9.69:14.5`."""
+    names = identified.model.inputs
+    if len(names) != 1 or not (ends := identified.recorded(names[0])):
         return ""
-    return f"{identified.model.inputs[0]}={ends[0]:.3g}:{ends[1]:.3g}"
+    low, high = ends
+    if low == high:
+        return f"`--at {names[0]}=A:B`, the range from A to B"
+    return f"`--at {names[0]}={low:.3g}:{high:.3g}`, the recorded range"
 
 
 def _conditions(identified: IdentifiedModel, units: Mapping[str, str]) -> str:
