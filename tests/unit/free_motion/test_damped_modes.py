@@ -56,6 +56,13 @@ def test_stretches_share_their_poles_and_gaps_do_no_harm():
     assert found.growth_errors[0] < 2e-4
 
 
+def test_a_stretch_of_longer_steps_may_fold_the_frequency_of_another():
+    fine, coarse = np.arange(1500) / 50.0, np.sort(np.random.default_rng(4).uniform(0.0, 30.0, 24))
+    parts = [noisy(sum_of(time, (1.0, 0.015, 1.0)), 3) for time in (fine, coarse)]
+    found, is_noise = fit_modes([stretch(fine, parts[0]), stretch(coarse - coarse[0], parts[1])])
+    assert is_noise and len(found.poles) == 1
+
+
 def test_noise_and_drifts_hold_no_mode():
     time, rng = np.arange(4000) / 100.0, np.random.default_rng(6)
     for _ in range(20):

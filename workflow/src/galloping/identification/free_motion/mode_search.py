@@ -287,7 +287,8 @@ def _with_local_noise(stretches: Sequence[Stretch], modes: DampedModes) -> Dampe
             omega = 2.0 * np.pi * np.fft.rfftfreq(size, stretch.step)
             omitted = _near_modes(omega, modes.poles, 2.0 * np.pi / stretch.duration)
             level = noise_level(power, size / (positions[-1] + 1), omitted) / mean
-            bins = modes.poles.imag * stretch.step * size / (2.0 * np.pi)
+            turns = modes.poles.imag * stretch.step / (2.0 * np.pi)  # in a step
+            bins = size * np.abs(turns - np.round(turns))  # other stretches may have shorter steps
             weight = np.abs(modes.amplitudes[r][:, c] / modes.noise[r, c]) ** 2
             ratios += weight * level[bins.astype(int)]
             weights += weight
