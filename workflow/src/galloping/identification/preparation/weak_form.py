@@ -337,11 +337,12 @@ def delayed_inputs(start: Start) -> dict[str, float]:
 
     Returns the delays by input name, negative if early. All candidates are fitted, so that no
     nearly correct model is needed. A delay counts if it removes most of the misfit of the weak form
-    beyond the noise. Delays within four of the shortest periods are tried, which was not
-    calibrated; four halvings determine a delay to a thirty-second of a period.
+    beyond the noise. Delays up to four of the shortest periods, and half the recording, are tried,
+    which was not calibrated; four halvings determine a delay to a thirty-second of a period.
     """
     problem, n = start.problem, len(start.problem.candidates)
     coefficients, delays = problem.coefficients(start.fit.free), {}
+    longest = max(np.ptp(one.time) for one in start.recordings)
 
     def misfit_of_delay(k: int, delay: float) -> tuple[float, int]:
         shifted_curves = []
@@ -358,6 +359,7 @@ def delayed_inputs(start: Start) -> dict[str, float]:
         (now, rows), best, step = misfit_of_delay(k, 0.0), 0.0, start.period / 2.0
         for reach in (8, 1, 1, 1, 1):
             trial_delays = best + step * np.arange(-reach, reach + 1)
+            trial_delays = trial_delays[2.0 * np.abs(trial_delays) <= longest]
             misfits = [misfit_of_delay(k, delay)[0] for delay in trial_delays]
             best, step = float(trial_delays[np.argmin(misfits)]), step / 2.0
         if now - min(misfits) > max(start.penalty, (now - rows + n) / 2.0):
