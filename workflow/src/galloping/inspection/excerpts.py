@@ -58,12 +58,20 @@ def identify_excerpts(
     if "forced" in options:
         return method(recordings, terms, *question, **options)
     moving = moving_recordings(recordings, terms)
-    if moving.findings:
-        return with_findings(
-            identify_excerpts(method, moving.recordings, terms, *question, **options), moving
-        )
     if method is maximum_likelihood and find_free_motion(moving.until_rest):
         return method(recordings, terms, *question, **options)
+    identified = _identify_moving(method, moving.recordings, terms, *question, **options)
+    return with_findings(identified, moving)
+
+
+def _identify_moving(
+    method: Callable[..., IdentifiedModel],
+    recordings: list[Recording],
+    terms: tuple[Exponents, ...],
+    *question: Any,
+    **options: Any,
+) -> IdentifiedModel:
+    """Identify a model from informative stretches of recordings that have no rests."""
     stretches = excerpts(recordings)
     whole = all(one is other for one, other in zip(stretches, recordings, strict=False))
     if method is not maximum_likelihood or recordings[0].inputs or whole:

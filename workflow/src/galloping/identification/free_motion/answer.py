@@ -156,11 +156,14 @@ def with_findings(identified: IdentifiedModel, moving: MovingRecordings) -> Iden
     """Add findings on when motion begins and ends to a model of a recording's moving parts.
 
     The findings of `identified` refer to the stretches of `moving`; those of the returned model
-    refer to the recordings that the stretches come from.
+    refer to the recordings that the stretches come from. If motion was found to end earlier in a
+    stretch, the later end is left out.
     """
     findings = identified.findings
-    mapped = (replace(each, recording=moving.origins[each.recording]) for each in findings)
-    return replace(identified, findings=(*moving.findings, *mapped))
+    mapped = [replace(each, recording=moving.origins[each.recording]) for each in findings]
+    later = {(each.recording, each.data.get("until_s")) for each in mapped}
+    ends = [each for each in moving.findings if (each.recording, each.data["time_s"]) not in later]
+    return replace(identified, findings=(*ends, *mapped))
 
 
 def _can_be_linear(problem: Problem, motion: FreeMotion) -> bool:
