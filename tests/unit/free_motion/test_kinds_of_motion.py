@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from ambient import two_modes
 from integrators import moved
+from scipy.signal import lfilter
 from swings import noisy, sensed, small_motions, swing
 
 from galloping import (
@@ -205,6 +206,17 @@ def test_the_approach_of_a_limit_cycle_is_no_force_and_its_transient(begin, seed
     )  # fmt: skip
     motion = classify_motion([sensed(time, noisy(states[:, 0], seed, 0.02))])
     assert motion is None or not (motion.is_linear or motion.steady_modes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_growth_to_a_limit_cycle_in_correlated_noise_is_no_pair_of_growing_modes(seed):
+    time = np.arange(2000) / 20.0
+    states = moved(lambda _, x: [x[1], -4.0 * x[0] + 0.06 * x[1] - 0.1 * x[1] ** 3], (0.1, 0), time)
+    noise = lfilter([0.6], [1.0, -0.8], np.random.default_rng(seed).standard_normal(len(time)))
+    found = identified(states[:, 0] + 0.05 * states[:, 0].std() * noise, time=time)
+    assert found.status == "approximate"
+    growth = found.model.coefficients[1, found.model.term_names.index("dq")]
+    assert growth == pytest.approx(0.06, abs=0.015)
 
 
 @pytest.mark.parametrize(("count", "begin", "seed"), [(700, 1.2, 5501), (500, 1.0, 5507)])

@@ -76,6 +76,8 @@ def identify_free_motion(
         outcome = search(without_further_modes(motion))
     if isinstance(outcome, IdentifiedModel):
         return prepend_path([FREE_MOTION], with_further_modes(outcome, motion))
+    if not motion.decays:
+        return NoModel()  # a growing motion may approach a limit cycle
     if motion.linear_motion:
         return identify_linear_motion(problem, motion.linear_motion)
     return _identify_mean_model(problem, motion, outcome.findings)
