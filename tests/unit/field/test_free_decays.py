@@ -55,3 +55,11 @@ def test_what_comes_to_rest_is_not_stuck(tmp_path):
     others = written(tmp_path, "t [s],angle [deg],b [deg]", time, stuck, angle + 0.5 * time)
     both = "--states", "q,p,dq,dp", "--measure", "q=angle", "--measure", "p=b"
     assert "stuck" in run("inspect", others, *both)
+
+
+def test_a_decay_into_the_noise_ends_once(tmp_path):
+    time = np.arange(4000) / 20.0
+    path = written(tmp_path, "t [s],x [m]", time, noisy(swing(time, 1.0, 0.005), 3, 0.006))
+    run("identify", path, "--states", "q,dq", "--measure", "q=x", "--output", tmp_path / "out")
+    found = IdentifiedModel.load(tmp_path / "out" / "model.json")
+    assert [one.code for one in found.findings] == [Code.CAME_TO_REST]
