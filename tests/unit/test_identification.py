@@ -151,7 +151,7 @@ def test_smoothing_takes_out_noise_alone(sampling, sigma):
 def test_too_few_samples_to_differentiate():
     with pytest.raises(IdentificationError) as error:
         differentiate(np.arange(12.0), np.ones((12, 1)))
-    assert error.value.finding == Finding.of(Code.RECORDING_SHORT, samples=12)
+    assert error.value.findings == (Finding.of(Code.RECORDING_SHORT, samples=12),)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_missing_values_are_refused(resonant, protocol, name, lacking):
     samples[7, 1] = np.nan
     with pytest.raises(IdentificationError) as error:
         reduce([replace(recording, **{name: samples})], TERMS)
-    assert error.value.finding == Finding.of(Code.INCOMPLETE_SAMPLES, lacking)
+    assert error.value.findings == (Finding.of(Code.INCOMPLETE_SAMPLES, lacking),)
 
 
 def test_weak_form_refuses_what_it_cannot_use(resonant):

@@ -47,7 +47,7 @@ def test_undamped_motion_gathers_force_without_bound():
 def test_critical_damping_cannot_be_told_apart():
     with pytest.raises(IdentificationError) as error:
         discretise(np.array([[0.0, 1.0], [-1.0, -2.0]]), np.eye(2), np.array([1.0]))
-    assert error.value.finding.code == Code.MODES_ALIKE
+    assert error.value.findings[0].code == Code.MODES_ALIKE
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])

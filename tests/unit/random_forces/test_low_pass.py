@@ -63,8 +63,8 @@ def test_there_is_nothing_about_gaps_but_short_ones():
     assert np.sum(steps > 1.1 * np.median(steps)) == 1
     with pytest.raises(IdentificationError) as error:
         low_pass_recording(Recording(TIME, ("q",), values)[:600], 0.05)
-    assert error.value.finding.code == Code.NOTHING_LEFT
-    assert error.value.finding.data["duration_s"] == pytest.approx(29.95)
+    assert error.value.findings[0].code == Code.NOTHING_LEFT
+    assert error.value.findings[0].data["duration_s"] == pytest.approx(29.95)
 
 
 def test_the_slowest_modes_are_told_where_faster_ones_move_the_sensors_too(ambient):

@@ -12,7 +12,7 @@ import numpy as np
 
 from galloping.evaluation.score import DYNAMIC_ROWS, Truth, reconstruct, score
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import as_finding
+from galloping.identification.no_model import as_findings
 from galloping.identification.sparse import evidence, frols, stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Path, check_nonzero
@@ -97,7 +97,7 @@ def _choose_candidates(
         evidence = make(recordings, true.terms)
         models = {method: alternatives(evidence, path) for method, path in paths.items()}
     except (ValueError, np.linalg.LinAlgError) as error:
-        nothing = IdentifiedModel.refused(true.states, true.terms, [as_finding(error)])
+        nothing = IdentifiedModel.refused(true.states, true.terms, as_findings(error))
         yield from ((method, [nothing] * len(CHOICES)) for method in paths)
         return
     for method, each in models.items():

@@ -9,7 +9,7 @@ from functools import cache, partial
 from pkgutil import resolve_name
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NO_MODEL_ERRORS, as_finding
+from galloping.identification.no_model import NO_MODEL_ERRORS, as_findings
 from galloping.model.functions import n_exponents
 from galloping.model.polynomial import Exponents
 from galloping.recording.samples import Recording
@@ -44,7 +44,7 @@ def identify(
             except NO_MODEL_ERRORS as error:
                 states, inputs = recordings[0].states, tuple(recordings[0].inputs)
                 inputs = inputs[: n_exponents(terms[0]) - len(states)]
-                model = IdentifiedModel.refused(states, terms, [as_finding(error)], inputs)
+                model = IdentifiedModel.refused(states, terms, as_findings(error), inputs)
             models[method].append(model)
     return models
 

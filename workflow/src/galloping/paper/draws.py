@@ -17,7 +17,7 @@ from scipy.signal import savgol_filter
 from galloping.cycles.family import initial_state
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NO_MODEL_ERRORS, as_finding
+from galloping.identification.no_model import NO_MODEL_ERRORS, as_findings
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.regression import ReducedRegression
 from galloping.line.galerkin import coefficients, make_model
@@ -257,7 +257,7 @@ def paper_draws(
                     (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
                     model = stlsq.fit_raw(reduced, **options)
                 except NO_MODEL_ERRORS as error:
-                    model = IdentifiedModel.refused(line.states, terms, [as_finding(error)])
+                    model = IdentifiedModel.refused(line.states, terms, as_findings(error))
                 models.append(model)
             scored, _ = evaluate(truth, {"paper": models}, unbounded)
             cell = {"kind": kind, "level": level, "points": points}

@@ -21,7 +21,7 @@ from galloping.identification.free_motion.kinds_of_motion import (
 from galloping.identification.free_motion.linearity import MIN_SIGNIFICANCE
 from galloping.identification.free_motion.rest import MovingRecordings, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.oscillations import EnvelopePart, FurtherMode
 from galloping.identification.postprocessing import fitted_model, prepend_path
 from galloping.identification.preparation.smoothing import unmeasured_displacements
@@ -59,21 +59,22 @@ def identify_free_motion(
     motion: FreeMotion,
     recordings: list[Recording],
     search: Callable[[list[Recording]], IdentifiedModel | NoModel],
-) -> IdentifiedModel | NoModel:
+) -> IdentifiedModel:
     """Identify the equations of a freely decaying or growing motion.
 
     The motion is linear, or of one coordinate. recordings: those of the motion, with the rest after
     it if it may stick. search: the general search for a model that follows recordings to the noise.
+    Raises as `identify_linear_motion`.
     """
     if not _can_be_linear(problem, motion):
-        return NoModel()
+        raise NoModelError
     if motion.is_linear:
         return identify_linear_motion(problem, motion)
-    outcome = search(recordings)
+    outcome = attempt(search, recordings)
     if isinstance(outcome, IdentifiedModel):
         motion = replace(motion, own_modes=motion.own_modes[:1], steady_modes=())
     elif motion.further_modes:
-        outcome = search(without_further_modes(motion))
+        outcome = attempt(search, without_further_modes(motion))
     if isinstance(outcome, IdentifiedModel):
         return prepend_path([FREE_MOTION], with_further_modes(outcome, motion))
     if not motion.decays:
@@ -83,20 +84,16 @@ def identify_free_motion(
     return _identify_mean_model(problem, motion, outcome.findings)
 
 
-def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedModel | NoModel:
+def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedModel:
     """Identify the linear equations of a free motion that is a sum of damped sinusoids.
 
-    motion: a linear one. Returns NoModel if there are fewer modes than coordinates, or if the
-    problem asks for more than linear equations.
+    motion: a linear one. Raises NoModelError if there are fewer modes than coordinates, or if the
+    problem asks for more than linear equations; IdentificationError if the modes give no system.
     """
-    if len(motion.own_modes) < len(motion.channels.pairs) or not _can_be_linear(problem, motion):
-        return NoModel()
-    if _noise_excess(motion) > MAX_NOISE:
-        return NoModel()
-    system = attempt(_linear_system_with_covariance, motion)
-    if isinstance(system, NoModel):
-        return system
-    return _identified_model(problem, motion, *system)
+    has_all_modes = len(motion.own_modes) >= len(motion.channels.pairs)
+    if not (has_all_modes and _can_be_linear(problem, motion)) or _noise_excess(motion) > MAX_NOISE:
+        raise NoModelError
+    return _identified_model(problem, motion, *_linear_system_with_covariance(motion))
 
 
 def _linear_system_with_covariance(motion: FreeMotion) -> tuple[np.ndarray, np.ndarray]:
@@ -199,7 +196,7 @@ def _noise_excess(motion: FreeMotion) -> float:
 
 def _identify_mean_model(
     problem: Problem, motion: FreeMotion, objections: Sequence[Finding]
-) -> IdentifiedModel | NoModel:
+) -> IdentifiedModel:
     """Identify the mean linear model of a motion that no model follows, for given reasons."""
     modes, mode, names = motion.modes, motion.own_modes[0], motion.channels.names
     parts: list[EnvelopePart] = []
@@ -207,7 +204,7 @@ def _identify_mean_model(
         begin = motion.recordings[index].time[0]
         parts += fit_envelope(stretch, modes, index, mode, names, begin)
     if len(parts) < 2:
-        return NoModel()
+        raise NoModelError
     values = np.array([[part.growth, part.frequency] for part in parts])
     errors = np.array([[part.growth_error, part.frequency_error] for part in parts])
     weights = errors**-2 / np.sum(errors**-2, axis=0)
@@ -223,21 +220,19 @@ def _identify_mean_model(
     by_entry[0, velocity, velocity] = 2.0
     slopes = by_entry.reshape(2, 4)
     covariance = slopes.T @ spread @ slopes
-    outcome = _identified_model(problem, motion, system, covariance)
-    if isinstance(outcome, NoModel):
-        return outcome
+    identified = _identified_model(problem, motion, system, covariance)
     missing_terms = (each for each in objections if each.code == Code.TERM_MISSING)
     changing = Finding.of(Code.NOT_EXPONENTIAL, problem.states[coordinate])
-    return replace(outcome, envelope=tuple(parts)).with_findings(*missing_terms, changing)
+    return replace(identified, envelope=tuple(parts)).with_findings(*missing_terms, changing)
 
 
 def _identified_model(
     problem: Problem, motion: FreeMotion, system: np.ndarray, covariance: np.ndarray
-) -> IdentifiedModel | NoModel:
+) -> IdentifiedModel:
     """Make the model of a linear system (n_states, n_states) with the covariance of its entries.
 
-    NoModel if a coefficient is out of its bounds, or the library lacks the constants of a motion
-    about another position than zero.
+    Raises NoModelError if a coefficient is out of its bounds, or the library lacks the constants of
+    a motion about another position than zero.
     """
     n = len(system)
     equilibrium, equilibrium_errors = np.zeros((2, n))
@@ -252,7 +247,7 @@ def _identified_model(
         constant_index = problem.terms.index(constant) if constant in problem.terms else None
         is_shifted = np.abs(system @ equilibrium) > 0.0
         if constant_index is None or not problem.open[is_shifted, constant_index].all():
-            return NoModel()
+            raise NoModelError
         terms[constant_index] = n
     whole = np.zeros((n * n + n,) * 2)  # covariance of the entries and of the equilibrium
     whole[: n * n, : n * n], whole[n * n :, n * n :] = covariance, np.diag(equilibrium_errors**2)
@@ -269,7 +264,7 @@ def _identified_model(
         else:
             free[k], slopes[k, row * n + state] = system[row, state], 1.0
     if np.any((free < problem.coefficient_bounds[0]) | (free > problem.coefficient_bounds[1])):
-        return NoModel()
+        raise NoModelError
     slopes = slopes[support]
     sigma, noises = _noise_levels(problem, motion)
     identified = fitted_model(

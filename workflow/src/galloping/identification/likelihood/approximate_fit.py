@@ -32,7 +32,13 @@ from galloping.identification.likelihood.weak_constraint import (
     shorten_until_integrable,
     white_autocovariance,
 )
-from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, NotConvergedError, attempt
+from galloping.identification.no_model import (
+    NO_MODEL_ERRORS,
+    NoModel,
+    NoModelError,
+    NotConvergedError,
+    attempt,
+)
 from galloping.identification.postprocessing import prepend_path, refused_model
 from galloping.identification.problem import Problem
 from galloping.identification.selection import solve_support
@@ -102,17 +108,17 @@ class Approximation:
 
 def fit_approximation(
     start: ShootingFit, penalty: float, objections: Sequence[Finding]
-) -> IdentifiedModel | NoModel:
+) -> IdentifiedModel:
     """Fit the model with the fewest terms that forecasts left-out data almost as well as the best.
 
     start: in segments of some periods each, or fewer if it diverges sooner. penalty: of a term in
     units of chi^2, if the model were exact. objections: reasons why no model of the library is
-    right. The model is refused if its forecasts are no better than the mean of the data; `NoModel`
-    if no model can be integrated over a stretch.
+    right. The model is refused if its forecasts are no better than the mean of the data. Raises
+    NoModelError if no model can be integrated over a stretch.
     """
-    approximation = _search_approximation(start, penalty)
+    approximation = attempt(_search_approximation, start, penalty)
     if isinstance(approximation, NoModel):
-        return NoModel((*objections, *approximation.findings))
+        raise NoModelError(*objections, *approximation.findings)
     fit, record = approximation.fit, approximation.fit.record
     condensed = record.condensed
     if not approximation.forecast_r2 > 0.0:
@@ -178,17 +184,14 @@ def as_identified(
     return prepend_path(approximation.path, identified)
 
 
-def _search_approximation(start: ShootingFit, penalty: float) -> Approximation | NoModel:
+def _search_approximation(start: ShootingFit, penalty: float) -> Approximation:
     """Search the smallest of several models that forecast, or means of fluctuating coefficients."""
     record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     # jumps have a first deviation of a twentieth of each state; each pass estimates it anew
     jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
-    outcome = attempt(_fit_two_penalties, first, penalty)
-    if isinstance(outcome, NoModel):
-        return outcome
-    stretch_fit, approximations = outcome
+    stretch_fit, approximations = _fit_two_penalties(first, penalty)
     return _fit_fluctuating(stretch_fit, penalty) or _choose_smallest(approximations)
 
 
@@ -208,7 +211,7 @@ def _fit_two_penalties(first: StretchFit, penalty: float) -> tuple[StretchFit, l
         try:
             fit = _iterate_fit(fit, factor * penalty, whole.jump)
             if not fit.support.any():
-                raise NotConvergedError(Code.NO_TERM)
+                raise NotConvergedError(Finding.of(Code.NO_TERM))
             validated = _cross_validate(fit, factor * penalty)
         except NO_MODEL_ERRORS:
             if not approximations:

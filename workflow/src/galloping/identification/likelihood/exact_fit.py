@@ -25,29 +25,29 @@ from galloping.identification.likelihood.trajectory_fit import (
     join_segments,
 )
 from galloping.identification.likelihood.verdict import Regression, assess_fit
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.postprocessing import prepend_path
 from galloping.identification.preparation.weak_form import Start
 from galloping.identification.selection import n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
 
 
-def fit_exact(start: Start) -> IdentifiedModel | NoModel:
-    """Search for a model that fits the data to the noise; return `NoModel` if none does."""
+def fit_exact(start: Start) -> IdentifiedModel:
+    """Search for a model that fits the data to the noise; raise NoModelError if none does."""
     problem, penalty, largest = start.problem, start.penalty, start.largest
     chain_fit = _fit_guesses(start, largest)
     if chain_fit is None:
         code = Code.LIMIT_OF_WORK if is_exhausted() else Code.ITERATION_DIVERGES
-        return NoModel((Finding.of(code),))
+        raise NoModelError(Finding.of(code))
     if chain_fit.objection:
         is_cut = chain_fit.objection.code == Code.LIMIT_OF_WORK  # then the data show no cause
         causes = [] if is_cut else _find_causes(chain_fit.free_step.fit, penalty)
-        return NoModel((*causes, chain_fit.objection))
+        raise NoModelError(*causes, chain_fit.objection)
     residual, tests = _chain_residuals(start, chain_fit.step.fit)
     if tests.is_coloured and tests.band < MAX_COLOUR_RATIO:
         chain_fit = _refit_coloured_noise(start, chain_fit, tests)
         if chain_fit.objection:
-            return NoModel((chain_fit.objection,))
+            raise NoModelError(chain_fit.objection)
         residual, tests = _chain_residuals(start, chain_fit.step.fit)
     step, fit = chain_fit.step, chain_fit.step.fit
     sigma, noise_of_rates = _sample_noise(fit, residual)
@@ -56,7 +56,7 @@ def fit_exact(start: Start) -> IdentifiedModel | NoModel:
         doubts, is_near = _find_objections(fit, tests, penalty)
         if doubts and not is_near:
             if not (problem.inputs and has_forgotten_start(fit)):
-                return NoModel(tuple(doubts))
+                raise NoModelError(*doubts)
             approximation = approximate_free_runs(fit, step.information, residual, penalty, doubts)
             return prepend_path(chain_fit.path, approximation)
     kept_samples = sum(recording.samples for recording in start.recordings)

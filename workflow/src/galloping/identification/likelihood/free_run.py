@@ -29,7 +29,7 @@ from galloping.identification.likelihood.trajectory_fit import (
     MAX_PASSES,
     take_step,
 )
-from galloping.identification.no_model import NoModel
+from galloping.identification.no_model import NoModelError
 from galloping.identification.selection import solve_support
 
 
@@ -78,12 +78,12 @@ def sandwich_covariance(gradients: Iterable[np.ndarray], covariance: np.ndarray)
 
 def fit_free_runs(
     record: ShootingData, identified: IdentifiedModel, penalty: float, objections: Sequence[Finding]
-) -> IdentifiedModel | NoModel:
+) -> IdentifiedModel:
     """Refit an approximate model, with its terms, to minimise the error of its free runs.
 
-    Detection limits remain those of `identified`, with which the terms were chosen. `NoModel` if
-    the motion depends on its initial state to the end. Raises FloatingPointError if the iteration
-    diverges.
+    Detection limits remain those of `identified`, with which the terms were chosen. Raises
+    NoModelError if the motion depends on its initial state to the end, and FloatingPointError if
+    the iteration diverges.
     """
     condensed, recordings = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, recordings, recordings))
@@ -93,7 +93,7 @@ def fit_free_runs(
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
     previous_fit = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not has_forgotten_start(fit):
-        return NoModel()
+        raise NoModelError
     for _ in range(MAX_PASSES):
         step = take_step(previous_fit, fit, None, None)
         previous_fit, fit = step.before, step.fit

@@ -49,7 +49,7 @@ from galloping.identification.likelihood.weak_constraint import (
     MIN_STRETCH_PERIODS,
     STRETCH_PERIODS,
 )
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.postprocessing import (
     add_input_errors,
     check_prior_conflict,
@@ -165,7 +165,7 @@ def _search_model(
     if (motion := find_free_motion(moving.until_rest)) is not None:
         with limit_work(recordings, 0.2 * MAX_WORK):
             search = partial(_fit_free_motion, problem)
-            outcome = identify_free_motion(problem, motion, recordings, search)
+            outcome = attempt(identify_free_motion, problem, motion, recordings, search)
         if isinstance(outcome, IdentifiedModel):
             return outcome
     return _search_time_scales(problem, recordings, start)
@@ -173,8 +173,7 @@ def _search_model(
 
 def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
     """Fit the model that follows free motion to the noise."""
-    start = attempt(make_start, problem, recordings)
-    return start if isinstance(start, NoModel) else _search_equilibria(start, fit_exact)
+    return _search_equilibria(make_start(problem, recordings), fit_exact)
 
 
 def _search_time_scales(
@@ -249,7 +248,7 @@ def _search_exact(start: Start, _: Findings) -> tuple[Outcome, bool]:
         return _search_equilibria(start, fit_exact), True
 
 
-def _search_equilibria(start: Start, search: Callable[[Start], Outcome]) -> Outcome:
+def _search_equilibria(start: Start, search: Callable[[Start], IdentifiedModel]) -> Outcome:
     """Run a search, from several equilibria if displacements are not measured.
 
     Equilibria are tried until two models have the same terms. The outcome is the best.
@@ -285,7 +284,7 @@ def _search_free_motion(start: Start, objections: Findings) -> tuple[Outcome, bo
         if isinstance(outcome, IdentifiedModel):
             return prepend_path([FREE_MOTION], with_further_modes(outcome, motion)), True
     if motion.is_linear:
-        outcome = identify_linear_motion(start.problem, motion)
+        outcome = attempt(identify_linear_motion, start.problem, motion)
         if isinstance(outcome, IdentifiedModel):
             return outcome, True
     return _search_approximate(start, objections)
@@ -314,14 +313,12 @@ def _search_approximate(start: Start, objections: Findings) -> tuple[Outcome, bo
     return _search_equilibria(start, search), True
 
 
-def _fit_approximate(start: Start, objections: Findings) -> Outcome:
+def _fit_approximate(start: Start, objections: Findings) -> IdentifiedModel:
     """Fit the approximate model, by the error of free runs if inputs drive the motion."""
     fit = attempt(prepare_fit, start, start.fit, STRETCH_PERIODS, MIN_STRETCH_PERIODS)
     if isinstance(fit, NoModel):
-        return NoModel((*objections, *(one for one in fit.findings if one not in objections)))
+        raise NoModelError(*objections, *(one for one in fit.findings if one not in objections))
     approximation = fit_approximation(fit, start.penalty, objections)
-    if isinstance(approximation, NoModel):
-        return approximation
     if start.problem.inputs and approximation.status == "approximate":
         run = attempt(fit_free_runs, fit.record, approximation, start.penalty, objections)
         if isinstance(run, IdentifiedModel):

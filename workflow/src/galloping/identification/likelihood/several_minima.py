@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.findings import Code
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.elimination import (
     Eliminated,
     chain_segments,
@@ -62,7 +62,7 @@ def _settle_terms(step: Step, price: Price) -> Step:
         support = step.choose_terms(step.fit, price)
         if np.array_equal(support, step.fit.support):
             return step
-    raise NotConvergedError(Code.NO_TERM)
+    raise NotConvergedError(Finding.of(Code.NO_TERM))
 
 
 def _find_least(fit: ShootingFit) -> Step:

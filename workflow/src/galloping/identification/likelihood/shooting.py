@@ -12,7 +12,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from galloping.identification.findings import Code
+from galloping.identification.findings import Code, Finding
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.repetition import FollowedRecording
 from galloping.identification.likelihood.square_root import separate_states
@@ -399,4 +399,4 @@ def shorten_step(use: Callable[[Fit], Result], before: Fit, fit: Fit) -> Result:
                 starts=(before.starts + fit.starts) / 2.0,
                 support=before.support | fit.support,
             )
-    raise NotConvergedError(Code.ITERATION_DIVERGES)
+    raise NotConvergedError(Finding.of(Code.ITERATION_DIVERGES))

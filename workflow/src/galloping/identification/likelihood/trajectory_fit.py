@@ -26,7 +26,7 @@ from galloping.identification.likelihood.shooting import (
     segment_residuals,
     shorten_step,
 )
-from galloping.identification.no_model import NotConvergedError, as_finding
+from galloping.identification.no_model import NotConvergedError, as_findings
 from galloping.identification.preparation.rate_channels import channel_noise, stack_channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
@@ -176,7 +176,7 @@ def prepare_fit(
     length = max(round(windows * periods), 2)
     for _ in range(MAX_TRIALS):
         if is_exhausted():
-            raise NotConvergedError(Code.LIMIT_OF_WORK)
+            raise NotConvergedError(Finding.of(Code.LIMIT_OF_WORK))
         has_kinks = problem.tables.n_kinks > 0
         condensed = condense_recordings(
             times, sampled, observed, period / windows, is_rate, known, has_kinks
@@ -286,7 +286,7 @@ def join_segments(
             step = take_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if factor == 1.0 and not step.fit.support.any():
-                raise NotConvergedError(Code.NO_TERM)
+                raise NotConvergedError(Finding.of(Code.NO_TERM))
             was_whole = whole or chain >= count
             # the gap is measured before the step, which leaves about its square, 1e-6 of each state
             converged = step.decrement < DECREMENT_TOLERANCE and step.gap < 1e-3 and factor == 1.0
@@ -297,7 +297,7 @@ def join_segments(
             if not whole:
                 chain = count if unchanged else 4 * chain
     except FloatingPointError as error:
-        return JoinedFit(free_step, step, ("left",), False, as_finding(error))
+        return JoinedFit(free_step, step, ("left",), False, as_findings(error)[0])
     misfit = step.fit.misfit
     follows = settled or (has_unseen and was_whole and misfit < CLOSE_MISFIT)
     code = Code.NOT_FOLLOWED if misfit > CLOSE_MISFIT else Code.NOT_PREFERRED
@@ -319,7 +319,7 @@ def take_step(
     """
     passing("follow the recording in segments")
     if is_exhausted():
-        raise NotConvergedError(Code.LIMIT_OF_WORK)
+        raise NotConvergedError(Finding.of(Code.LIMIT_OF_WORK))
 
     def step_from(tried: ShootingFit) -> Step:
         step = _gauss_newton(tried, longest, price)

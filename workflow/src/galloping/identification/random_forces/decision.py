@@ -15,7 +15,7 @@ from galloping.arrays import one_thread
 from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import segments_with_inputs
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.postprocessing import (
     add_input_errors,
     check_prior_conflict,
@@ -99,10 +99,8 @@ def _identify_selection(
     if problem.known[:, places].any() or problem.precision[:, places].any():
         return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
     outcome = attempt(
-        lambda: fit_in_forces(
-            polynomial, selection.recordings, selection.period, forced, selection.n_further,
-            may_be_slow, doubts,
-        )
+        fit_in_forces, polynomial, selection.recordings, selection.period, forced,
+        selection.n_further, may_be_slow, doubts,
     )  # fmt: skip
     return outcome if isinstance(outcome, NoModel) else expand_terms(problem, outcome)
 
@@ -141,11 +139,11 @@ def _identify_selections(
             yield outcome
 
 
-def _identify_modes(selection: ModeSelection, fit: Fit) -> Outcome:
-    """Identify the model of the selected modes, or of one that is two."""
+def _identify_modes(selection: ModeSelection, fit: Fit) -> IdentifiedModel:
+    """Identify the model of the selected modes, or of one that is two; raise if there is none."""
     outcome = fit(selection)
     if isinstance(outcome, NoModel) or not selection.has_modes_of(outcome):
-        return NoModel()
+        raise NoModelError
     return selection.with_omissions(_with_split_mode(outcome, selection, fit))
 
 
@@ -246,7 +244,7 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
             # with inputs, other models may be as near
             is_near = whiteness.may_be_random and not (problem.inputs and whiteness.is_relevant)
             is_accepted = is_near or (as_fallback and whiteness.explains_most)
-            return [] if is_accepted else [whiteness.to_finding(channels.names)]
+            return [] if is_accepted else [fit.deviation]
 
         may_be_slow = amplitude_fluctuates(recordings, period)
         return _identify_selection(problem, selection, problem.unknown, may_be_slow, doubts)

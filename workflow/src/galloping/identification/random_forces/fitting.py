@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from galloping.identification.findings import Finding
 from galloping.identification.no_model import NotConvergedError
 from galloping.identification.random_forces.forced_problem import (
     ForcedModel,
@@ -191,7 +192,8 @@ class ForcedFit:
     @cached_property
     def whiteness(self) -> Whiteness:
         """Results of the whiteness tests of the fit's innovations."""
-        recordings, begin = self.setup.recordings, 2 * len(self.setup.size)
+        setup, recordings = self.setup, self.setup.recordings
+        begin = 2 * len(setup.size)
         step = typical_step(recordings)
         parts = list(zip(self.filtered.parts, recordings, strict=False))  # priors are parts, too
         grids = []
@@ -200,7 +202,7 @@ class ForcedFit:
             error[:begin] = np.nan  # until the first state is determined
             grids.append(place_on_grid(each.time, error, step))
         whiteness = assess_whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
-        if not (names := self.setup.problem.inputs):
+        if not (names := setup.problem.inputs):
             return whiteness
         errors, quantities = [], []
         for part, each in parts:
@@ -208,9 +210,12 @@ class ForcedFit:
             errors.append(part.standardised[begin + 1 :])
             quantities.append(np.hstack([part.means, inputs])[begin:-1])
         k = find_dependence(np.concatenate(errors), np.concatenate(quantities))
-        return (
-            whiteness if k is None else replace(whiteness, dependence=self.setup.problem.names[k])
-        )
+        return whiteness if k is None else replace(whiteness, dependence=setup.problem.names[k])
+
+    @property
+    def deviation(self) -> Finding:
+        """Finding that names the main deviation of the innovations from white noise."""
+        return self.whiteness.to_finding(self.setup.channels.names)
 
 
 def maximise_likelihood(
@@ -232,7 +237,7 @@ def maximise_likelihood(
     run, damping = filter_with(vector), MIN_STEP_DAMPING
     if not np.isfinite(run.log_likelihood):
         if run.objection:
-            raise NotConvergedError.from_finding(run.objection)
+            raise NotConvergedError(run.objection)
         raise FloatingPointError("the filter of its start loses all digits")
     slopes = _difference_innovations(filter_with, vector, run, step)
     first = slopes[parameters.slices["coefficients"]]
@@ -312,7 +317,7 @@ def _difference_innovations(
         unit[j] = h
         shifted_run = filter_with(vector + unit)
         if shifted_run.objection:
-            raise NotConvergedError.from_finding(shifted_run.objection)
+            raise NotConvergedError(shifted_run.objection)
         with np.errstate(all="ignore"):  # a variance may not be positive
             slopes[j, 0] = (shifted_run.innovations - run.innovations)[is_known] / h / root
             slopes[j, 1] = (

@@ -202,7 +202,7 @@ class ForcedProblem:
         information, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
             if is_exhausted():
-                raise NotConvergedError(Code.LIMIT_OF_WORK)
+                raise NotConvergedError(Finding.of(Code.LIMIT_OF_WORK))
             filtered, slopes = system_model.filter_extended(one, candidates, terms)
             is_known = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
             root = np.sqrt(filtered.variances[is_known])

@@ -11,7 +11,7 @@ from scipy.special import chdtri
 
 from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.plausible import detection_limits
 from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
@@ -54,26 +54,23 @@ def fit_in_forces(
     n_further: int,
     may_be_slow: bool,
     doubts: Callable[[ForcedFit], Sequence[Finding]],
-) -> IdentifiedModel | NoModel:
+) -> IdentifiedModel:
     """Fit a model under random forces to recordings, select its terms, and decide its status.
 
     The recordings have no outliers. period: s, the shortest of the motion. forced: indices of the
     equations with a force. n_further: number of modes beyond the coordinates. may_be_slow: whether
     forces may be slow; otherwise a model with white ones and clearly correlated innovations is
     refused. doubts: gives the reasons to refuse a fit, none if it is accepted. It is called with
-    the fit to some of the samples, then with the fit to all.
+    the fit to some of the samples, then with the fit to all. Raises NoModelError for a refused fit,
+    and one of NO_MODEL_ERRORS if there is none.
     """
     rescaled = with_scales(recordings, period)
     trial = _fit_some_samples(problem, rescaled, forced, may_be_slow, n_further)
-    if isinstance(trial, NoModel):
-        return trial
     if objections := doubts(trial):
-        return NoModel(tuple(objections))
+        raise NoModelError(*objections)
     fit = _fit_all_samples(trial, rescaled)
-    if isinstance(fit, NoModel):
-        return fit
     if objections := doubts(fit):
-        return NoModel(tuple(objections))
+        raise NoModelError(*objections)
     return _assess_fit(fit, trial, period, estimate_scales(recordings, rescaled))
 
 
@@ -83,28 +80,26 @@ def _fit_some_samples(
     forced: tuple[int, ...],
     may_be_slow: bool,
     n_further: int,
-) -> ForcedFit | NoModel:
+) -> ForcedFit:
     """Fit all terms that may be needed, to no more samples than necessary."""
     setup, starts = make_forced_problem(problem, _thin_recordings(recordings), forced, n_further)
-    channels = setup.channels
     white = [each for each in starts if not each.slow]
     white = white or [replace(starts[0], slow=(), rates=())]
-    fit = attempt(_fit_from, setup, white[0])
-    if isinstance(fit, NoModel):
-        return fit
+    fit = _fit_from(setup, white[0])
     if problem.inputs:  # otherwise slow forces would imitate their effects
         fit = _with_further_terms(fit, white[0].noise)
     if n_further:
         if not fit.whiteness.may_be_random:
-            return NoModel((fit.whiteness.to_finding(channels.names),))
+            raise NoModelError(fit.deviation)
         others = [attempt(_fit_from, setup, start) for start in white[1:MAX_STARTS]]
         fits = [each for each in (fit, *others) if not isinstance(each, NoModel)]
         fit = max(fits, key=lambda each: each.filtered.log_likelihood)
+    channels = setup.channels
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
     if not fit.whiteness.is_white and may_be_slow and reads_force:
         fit = _with_slow_forces(fit, starts[0])
     elif not (may_be_slow or fit.whiteness.may_be_random):
-        return NoModel((fit.whiteness.to_finding(channels.names),))
+        raise NoModelError(fit.deviation)
     return _with_further_terms(fit, white[0].noise)
 
 
@@ -134,7 +129,7 @@ def _with_shared_forces(setup: ForcedProblem, start: ForcedModel) -> ForcedModel
     return best
 
 
-def _fit_all_samples(trial: ForcedFit, recordings: list[Recording]) -> ForcedFit | NoModel:
+def _fit_all_samples(trial: ForcedFit, recordings: list[Recording]) -> ForcedFit:
     """Fit the selected terms to all samples."""
     penalty = trial.setup.penalty
     correlated = forces_are_correlated(trial, penalty)
@@ -142,10 +137,9 @@ def _fit_all_samples(trial: ForcedFit, recordings: list[Recording]) -> ForcedFit
     setup = replace(trial.setup, recordings=tuple(recordings))
     fit = maximise_likelihood(setup, setup.restrict(trial.model, support), support, correlated)
     if not forces_are_needed(fit, penalty):
-        return NoModel((Finding.of(Code.NO_FORCE_NEEDED),))
+        raise NoModelError(Finding.of(Code.NO_FORCE_NEEDED))
     if np.any(np.abs(fit.modes.damping) > MAX_DAMPING_RATIO):
-        finding = fit.whiteness.to_finding(setup.channels.names)
-        return NoModel((Finding.of(Code.NO_OSCILLATION), finding))
+        raise NoModelError(Finding.of(Code.NO_OSCILLATION), fit.deviation)
     return fit
 
 
@@ -290,7 +284,7 @@ def _assess_fit(
     findings = (
         Finding.of(Code.RANDOM_FORCES),
         *(Finding.of(Code.MODE_BESIDE, frequency_hz=hertz) for hertz in beside),
-        *([] if whiteness.is_white else [whiteness.to_finding(channels.names)]),
+        *([] if whiteness.is_white else [fit.deviation]),
     )
     return IdentifiedModel(
         model=problem.model(model.coefficients),
