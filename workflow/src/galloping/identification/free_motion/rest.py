@@ -16,7 +16,7 @@ from galloping.arrays import finest_step, one_thread
 from galloping.identification.findings import Code, Finding, Severity
 from galloping.identification.free_motion.damped_modes import Stretch
 from galloping.identification.free_motion.mode_search import strongest_mode
-from galloping.identification.preparation.smoothing import sampled_rates
+from galloping.identification.preparation.smoothing import stack_channels
 from galloping.model.functions import Function
 from galloping.model.polynomial import Exponents, velocity_pairs
 from galloping.recording.samples import Recording
@@ -149,7 +149,7 @@ def moving_recordings(
             findings += _rest_findings(recording.time, rest, index)
             continue
         if may_rest[index]:
-            whole = moving_parts(recording.time, _all_channels(recording))
+            whole = moving_parts(recording.time, stack_channels(recording))
         for part in whole:
             until_rest.append(_select_rows(recording, part.rows))
             if may_stick and part.rests_until is not None:
@@ -161,12 +161,8 @@ def moving_recordings(
     return MovingRecordings(with_rest, until_rest, origins, tuple(findings))
 
 
-def _all_channels(recording: Recording) -> np.ndarray:
-    return np.hstack([recording.values, sampled_rates(recording)])
-
-
 def _varies(recording: Recording) -> bool:
-    return any(finest_step(channel) > 0.0 for channel in _all_channels(recording).T)
+    return any(finest_step(channel) > 0.0 for channel in stack_channels(recording).T)
 
 
 def _select_rows(recording: Recording, rows: slice) -> Recording:

@@ -37,7 +37,7 @@ def rescale_start(
     these recordings, and the scales by name. Raises IdentificationError if no channel determines a
     scale or an offset, or a rate has another scale than its state.
     """
-    scaled = with_scales(recordings, start.period)
+    scaled = [with_scales(one, start.period) for one in recordings]
     if any(one is not other for one, other in zip(recordings, scaled, strict=True)):
         start = make_start(start.problem, scaled, share)
     triples = zip(start.recordings, scaled, start.smoothed, strict=True)

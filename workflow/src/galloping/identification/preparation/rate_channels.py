@@ -26,11 +26,6 @@ from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
 
-def stack_channels(recording: Recording) -> np.ndarray:
-    """Stack the samples of states and then of their derivatives, (n, 2 n_states), NaN if none."""
-    return np.hstack([recording.values, sampled_rates(recording)])
-
-
 def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the noise standard deviation of each channel, as a first guess.
 
@@ -42,19 +37,10 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
     return estimate, np.full(len(estimate), np.nan) if known is None else known.ravel()
 
 
-def with_scales(recordings: list[Recording], period: float) -> list[Recording]:
-    """Estimate the unknown scale of each channel by its measured derivative, and divide by it.
-
-    period: s, the shortest of the motion. Raises IdentificationError if no channel determines a
-    scale.
-    """
-    return [_with_scale(recording, period) for recording in recordings]
-
-
 def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
     """Return the scales by which `with_scales` divided channels, averaged over recordings.
 
-    They are by name, such as `scale_X`. scaled: the recordings of `with_scales`.
+    They are by name, such as `scale_X`. scaled: the results of `with_scales`.
     """
     scales: dict[str, list[float]] = {}
     for recording, divided in zip(recordings, scaled, strict=True):
@@ -157,8 +143,12 @@ def _scale_limits(slopes: np.ndarray, rates: np.ndarray) -> tuple[float, float]:
     return float(least), float(most)
 
 
-def _with_scale(recording: Recording, period: float) -> Recording:
-    """Apply `with_scales` to one recording; unchanged if no scale is unknown."""
+def with_scales(recording: Recording, period: float) -> Recording:
+    """Estimate the unknown scale of each channel by its measured derivative, and divide by it.
+
+    period: s, the shortest of the motion. Raises IdentificationError if no channel determines a
+    scale. A recording without unknown scales is returned unchanged.
+    """
     unknown = _unknown_scales(recording)
     if not unknown:
         return recording

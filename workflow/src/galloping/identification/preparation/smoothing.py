@@ -322,6 +322,11 @@ def sampled_rates(recording: Recording) -> np.ndarray:
     return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
 
+def stack_channels(recording: Recording) -> np.ndarray:
+    """Stack the samples of states and then of their derivatives, (n, 2 n_states), NaN if none."""
+    return np.hstack([recording.values, sampled_rates(recording)])
+
+
 def unmeasured_displacements(recording: Recording) -> dict[int, int]:
     """Map the index of each displacement without samples to the index of its velocity."""
     measured = np.any(np.isfinite(recording.values), axis=0).tolist()

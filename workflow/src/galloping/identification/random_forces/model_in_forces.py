@@ -64,7 +64,7 @@ def fit_in_forces(
     the fit to some of the samples, then with the fit to all. Raises NoModelError for a refused fit,
     and one of NO_MODEL_ERRORS if there is none.
     """
-    rescaled = with_scales(recordings, period)
+    rescaled = [with_scales(one, period) for one in recordings]
     trial = _fit_some_samples(problem, rescaled, forced, may_be_slow, n_further)
     if objections := doubts(trial):
         raise NoModelError(*objections)
