@@ -192,7 +192,8 @@ def _search_approximation(start: ShootingFit, penalty: float) -> Approximation:
     jump, misfit = np.diag((0.05 * scale) ** 2), white_autocovariance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
     stretch_fit, approximations = _fit_two_penalties(first, penalty)
-    return _fit_fluctuating(stretch_fit, penalty) or _choose_smallest(approximations)
+    fluctuating = attempt(_fit_fluctuating, stretch_fit, penalty)
+    return _choose_smallest(approximations) if isinstance(fluctuating, NoModel) else fluctuating
 
 
 def _fit_two_penalties(first: StretchFit, penalty: float) -> tuple[StretchFit, list[Approximation]]:
@@ -242,15 +243,12 @@ def _choose_smallest(approximations: list[Approximation]) -> Approximation:
     return approximations[smallest]
 
 
-def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation | None:
-    """Fit means of coefficients that fluctuate, and assess them; None if they predict nothing."""
-    outcome = attempt(fit_fluctuations, fit, penalty)
-    if outcome is None or isinstance(outcome, NoModel):
-        return None
-    means, covariance = outcome
-    approximation = attempt(_cross_validate, means, penalty)
-    if isinstance(approximation, NoModel) or not approximation.forecast_r2 > 0.0:
-        return None
+def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation:
+    """Fit and assess means of coefficients that fluctuate; an error if they predict nothing."""
+    means, covariance = fit_fluctuations(fit, penalty)
+    approximation = _cross_validate(means, penalty)
+    if not approximation.forecast_r2 > 0.0:
+        raise NoModelError
     return replace(approximation, covariance=covariance, path=("fluctuating",), fluctuates=True)
 
 

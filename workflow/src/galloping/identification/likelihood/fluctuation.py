@@ -19,6 +19,7 @@ from galloping.identification.likelihood.weak_constraint import (
     shorten_until_integrable,
     white_misfit,
 )
+from galloping.identification.no_model import NoModelError
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import exponent_matrix
 from galloping.progress_reports import passing
@@ -32,14 +33,14 @@ PARTS = 24
 PART_CORRELATION = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
 
 
-def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
+def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray]:
     """Fit a model whose coefficients fluctuate randomly in time: select terms, estimate means.
 
     fit: of the whole library. penalty: of a term in units of chi^2, if the model were exact.
-    Returns the fit, and the covariance of the means (n_support, n_support). None unless
-    fluctuations explain most of the residual beyond the noise: they would also explain part of
-    something else that the library lacks, such as further modes. None, too, if segments are too
-    short or too many to be divided, no term remains or the work is exhausted. Raises
+    Returns the fit, and the covariance of the means (n_support, n_support). Raises NoModelError
+    unless fluctuations explain most of the residual beyond the noise: they would also explain part
+    of something else that the library lacks, such as further modes. Raises it, too, if segments are
+    too short or too many to be divided, no term remains or the work is exhausted; and
     FloatingPointError, or numpy's LinAlgError, if the iteration diverges.
     """
     record, problem = fit.record, fit.record.problem
@@ -54,7 +55,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     windows = np.diff(record.segments.first)
     divisible = windows.min() >= PARTS and len(windows) <= 200  # each part needs 50 kB or more
     if not (len(rates) and excess > 0.0 and divisible):
-        return None
+        raise NoModelError
     parts, jumping = _divide_segments(record)
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     period = WINDOWS_PER_PERIOD * record.condensed.step
@@ -69,14 +70,14 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit, repeated=rates)
     for iteration in range(passes):
         if is_exhausted():
-            return None
+            raise NoModelError
         passing("try coefficients that fluctuate")
         misfit = white_misfit(parts, fine.linearised.residual)
         # Fluctuations explain 0.56 or more of the excess if the library lacks only gusts, and 0.06
         # or less without gusts. On a line with more modes in the same gusts they explain 0.32 to
         # 0.50, and the terms that are then chosen imitate these modes.
         if iteration and not excess - _log_excess(record, misfit) >= 0.53 * excess:
-            return None
+            raise NoModelError
         support, jump = fine.support, fine.jump
         for remaining in reversed(range(5)):
             wider = _add_fluctuations(parts, fine.linearised, rates, variance)
@@ -97,7 +98,7 @@ def fit_fluctuations(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.nd
         )
         fine = shorten_until_integrable(fine, next_fit)
     if not fine.support.any():
-        return None
+        raise NoModelError
     return replace(fit, free=fine.free, support=fine.support), covariance
 
 
