@@ -143,14 +143,14 @@ def moving_recordings(
     ]
     is_still = [rests and not _varies(one) for rests, one in zip(may_rest, recordings, strict=True)]
     for index, recording in enumerate(recordings):
-        whole = [MovingPart(slice(0, len(recording.time)))]
         if is_still[index] and not all(is_still):
             rest = MovingPart(slice(0, 1), rests_until=len(recording.time) - 1)
             findings += _rest_findings(recording.time, rest, index)
             continue
+        parts = [MovingPart(slice(0, len(recording.time)))]
         if may_rest[index]:
-            whole = moving_parts(recording.time, stack_channels(recording))
-        for part in whole:
+            parts = moving_parts(recording.time, stack_channels(recording))
+        for part in parts:
             until_rest.append(_select_rows(recording, part.rows))
             if may_stick and part.rests_until is not None:
                 rows = slice(part.rows.start, part.rests_until + 1)
