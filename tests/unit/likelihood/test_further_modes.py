@@ -5,6 +5,7 @@ import pytest
 
 from galloping.identification.likelihood.condense import condense_recordings
 from galloping.identification.likelihood.further_modes import find_further_modes
+from galloping.identification.random_forces.channels import Channels
 
 TIME = np.arange(0.0, 300.0, 0.02)
 STATES = ("q", "dq")
@@ -13,16 +14,13 @@ MOTION = np.column_stack([np.cos(1.3 * TIME), -1.3 * np.sin(1.3 * TIME)])
 
 def found(besides, observed=(0, 1), kept=slice(None)):
     """Further modes of a motion with `besides` (n, 2), noise included, where the model is exact."""
-    channels = list(observed)
+    channels, unknown = Channels(STATES, observed, ()), np.full((1, len(observed)), np.nan)
 
     def condensed(values):
-        values_only, unknown = np.zeros(len(channels), bool), np.full((1, len(channels)), np.nan)
-        sampled = [values[kept][:, channels]]
-        return condense_recordings(
-            [TIME[kept]], sampled, np.array(channels), 0.2, values_only, unknown
-        )
+        sampled = [values[kept][:, list(observed)]]
+        return condense_recordings([TIME[kept]], sampled, channels, 0.2, unknown)
 
-    return find_further_modes(STATES, condensed(MOTION + besides), condensed(besides).targets)
+    return find_further_modes(condensed(MOTION + besides), condensed(besides).targets)
 
 
 def noise(seed):
@@ -51,6 +49,6 @@ def test_noise_and_what_is_no_higher_than_the_motion_are_no_modes():
 
 
 def test_a_velocity_alone_shows_them_too():
-    (mode,) = found(noise(2) + 0.1 * np.cos(5.0 * TIME)[:, None], observed=[1])
+    (mode,) = found(noise(2) + 0.1 * np.cos(5.0 * TIME)[:, None], observed=(1,))
     assert (mode.state, mode.recording) == ("dq", 0)
     assert mode.frequency == pytest.approx(5.0, abs=1e-3)

@@ -266,7 +266,7 @@ def _identified_model(
     if np.any((free < problem.coefficient_bounds[0]) | (free > problem.coefficient_bounds[1])):
         raise NoModelError
     slopes = slopes[support]
-    sigma, noises = _noise_levels(problem, motion)
+    sigma, noise_of_rates = motion.channels.noise_by_state(motion.modes.noise)
     identified = fitted_model(
         problem,
         free,
@@ -275,7 +275,7 @@ def _identified_model(
         initial_states=_initial_states(motion, equilibrium),
         sigma=sigma,
         chi2=1.0,
-        diagnostics={**noises, "path": FREE_MOTION},
+        diagnostics={**noise_of_rates, "path": FREE_MOTION},
     )
     identified = replace(identified, unconditional_errors=identified.standard_errors)
     return with_further_modes(identified, motion)
@@ -364,12 +364,3 @@ def _initial_states(motion: FreeMotion, equilibrium: np.ndarray) -> np.ndarray:
                 states[index, coordinate] += np.real(amplitude)
                 states[index, velocity] += np.real(amplitude * motion.modes.poles[mode_index])
     return states
-
-
-def _noise_levels(problem: Problem, motion: FreeMotion) -> tuple[np.ndarray, dict[str, float]]:
-    """Compute the noise of the values, (n_stretches, n_states), and of each rate by its name."""
-    channels, noise, count = motion.channels, motion.modes.noise, len(motion.channels.values)
-    sigma = np.full((len(noise), len(problem.states)), np.nan)
-    sigma[:, list(channels.values)] = noise[:, :count]
-    of_rates = zip(channels.names[count:], noise[:, count:].T, strict=True)
-    return sigma, {f"noise_{name}": float(np.nanmax(each)) for name, each in of_rates}

@@ -97,7 +97,7 @@ class Approximation:
         their means over a recording.
         """
         condensed = self.fit.record.condensed
-        motion, error = np.zeros((2, len(condensed.observed)))
+        motion, error = np.zeros((2, len(condensed.channels.names)))
         for (a, b), noise in zip(pairwise(condensed.first), condensed.noise_variance, strict=True):
             with np.errstate(invalid="ignore"):  # forecasts may diverge
                 error += (b - a) * np.var(self.residual[a:b, :, 0], axis=0)
@@ -152,10 +152,10 @@ def as_identified(
     """
     fit, record = approximation.fit, approximation.fit.record
     condensed, problem = record.condensed, record.problem
-    shares = dict(zip(record.channel_names, approximation.error_shares, strict=True))
+    shares = dict(zip(condensed.channels.names, approximation.error_shares, strict=True))
     misses = [Finding.of(missed, name, **data, share=share) for name, share in shares.items()]
-    sigma, of_rates = condensed.noise_by_state(problem.states, noise)
-    further = find_further_modes(problem.states, condensed, residual)
+    sigma, of_rates = condensed.noise_by_state(noise)
+    further = find_further_modes(condensed, residual)
     lacking = (
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
         for mode in further

@@ -1,6 +1,5 @@
 """Sufficient statistics of a recording on short windows, where states are almost quadratic."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -8,6 +7,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
+from galloping.identification.random_forces.channels import Channels
 from galloping.identification.work import count_work
 from galloping.trajectory.right_hand_side import System
 from galloping.trajectory.taylor import ORDER, Samples, integrate
@@ -26,8 +26,7 @@ class Condensed:
     """Samples of recordings, projected onto three orthonormal polynomials in each short window.
 
     n_rows = PROJECTIONS, those of a channel in a window. step: length of a window, s. first:
-    (n_recordings + 1,) first window of each recording. observed: (n_observed,) index of the state
-    that each channel measures. is_rate: (n_observed,) whether it measures the rate of that state.
+    (n_recordings + 1,) first window of each recording. channels: the n_observed measured ones.
     functionals: (n_windows, n_observed, n_rows, ORDER + 1), from Taylor coefficients in the time
     scaled by the window to the expected projections; zero rows if a window has few samples.
     targets: (n_windows, n_observed, n_rows) the projections of the samples, in the state's unit.
@@ -41,8 +40,7 @@ class Condensed:
 
     step: float
     first: np.ndarray
-    observed: np.ndarray
-    is_rate: np.ndarray
+    channels: Channels
     functionals: np.ndarray
     targets: np.ndarray
     counts: np.ndarray
@@ -51,11 +49,6 @@ class Condensed:
     known_noise: np.ndarray
     inputs: np.ndarray
     samples: Samples | None = None
-
-    def channel_names(self, states: Sequence[str]) -> list[str]:
-        """Return the channels' names: a state's name, after a d if its rate is measured."""
-        pairs = zip(self.observed, self.is_rate, strict=True)
-        return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
 
     def integrate_segments(
         self, compiled: System, first: np.ndarray, starts: np.ndarray, sensitive: bool
@@ -69,8 +62,8 @@ class Condensed:
         if samples is not None:
             samples = samples._replace(offsets=samples.offsets[first[0] : first[-1] + 1])
         solution = integrate(
-            compiled, self.step, first - first[0], starts, self.functionals[within], self.observed,
-            self.inputs[within], sensitive, samples,
+            compiled, self.step, first - first[0], starts, self.functionals[within],
+            self.channels.observed, self.inputs[within], sensitive, samples,
         )  # fmt: skip
         windows, columns = first[-1] - first[0], solution[1].shape[3]
         n_entries = len(set(map(tuple, compiled.jacobian[:, :2].tolist())))
@@ -88,20 +81,9 @@ class Condensed:
         """Sum squared residuals, shaped as `targets`, to (n_recordings, n_observed)."""
         return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
 
-    def noise_by_state(
-        self, states: Sequence[str], noise: np.ndarray
-    ) -> tuple[np.ndarray, dict[str, float]]:
-        """Sort the channels' noise standard deviations into those of states and those of rates.
-
-        noise: (n_recordings, n_observed). Returns the noise of states, (n_recordings, n_states),
-        NaN if not measured, and the largest of each rate, as `noise_` and the rate's name.
-        """
-        noise, values = np.where(self.counts > 0, noise, np.nan), ~self.is_rate
-        sigma = np.full((len(noise), len(states)), np.nan)
-        sigma[:, self.observed[values]] = noise[:, values]
-        names = self.channel_names(states)
-        largest = np.fmax.reduce(noise, axis=0)
-        return sigma, {f"noise_{names[o]}": largest[o] for o in np.flatnonzero(self.is_rate)}
+    def noise_by_state(self, noise: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+        """Sort the noise of the recordings' channels as `Channels.noise_by_state`."""
+        return self.channels.noise_by_state(np.where(self.counts > 0, noise, np.nan))
 
     @cached_property
     def is_present(self) -> np.ndarray:
@@ -139,8 +121,9 @@ class Condensed:
         rate, for the time scaled by the window.
         """
         constant_and_ramp = self.functionals[..., :2].copy()
-        rates = self.functionals[:, self.is_rate, :, 1:3] * (self.step / np.array([1, 2]))
-        constant_and_ramp[:, self.is_rate] = rates
+        is_rate = self.channels.is_rate
+        rates = self.functionals[:, is_rate, :, 1:3] * (self.step / np.array([1, 2]))
+        constant_and_ramp[:, is_rate] = rates
         return constant_and_ramp
 
     @cached_property
@@ -236,9 +219,8 @@ def _project_recording(
 def condense_recordings(
     times: list[np.ndarray],
     values: list[np.ndarray],
-    observed: np.ndarray,
+    channels: Channels,
     step: float,
-    is_rate: np.ndarray,
     known_noise: np.ndarray,
     keep_samples: bool = False,
 ) -> Condensed:
@@ -249,7 +231,7 @@ def condense_recordings(
     """
     windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
-    n_observed = len(observed)
+    n_observed, is_rate = len(channels.names), channels.is_rate
     count_work(4e-7 * n_observed * (first[-1] + sum(map(len, times))))
     functionals = np.zeros((first[-1], n_observed, PROJECTIONS, ORDER + 1))
     targets = np.zeros((first[-1], n_observed, PROJECTIONS))
@@ -276,6 +258,6 @@ def condense_recordings(
         offsets = np.append(np.concatenate(begins), len(tau))
         samples = Samples(offsets, tau, basis, is_rate.astype(np.int64))
     return Condensed(
-        step, first, observed, is_rate, functionals, targets, counts, rows,
-        np.maximum(remainder, 0.0), known_noise, np.zeros((len(targets), 1, 0)), samples,
+        step, first, channels, functionals, targets, counts, rows, np.maximum(remainder, 0.0),
+        known_noise, np.zeros((len(targets), 1, 0)), samples,
     )  # fmt: skip

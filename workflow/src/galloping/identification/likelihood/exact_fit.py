@@ -127,7 +127,7 @@ def _shows_misfit(start: Start, fit: ShootingFit) -> bool:
     """Decide whether the residuals of a converged fit show that its model is wrong."""
     residuals = attempt(_chain_residuals, start, fit)
     return isinstance(residuals, NoModel) or bool(
-        residuals[1].find_objections(fit.record.channel_names)
+        residuals[1].find_objections(fit.record.condensed.channels.names)
     )
 
 
@@ -163,7 +163,7 @@ def _find_objections(
     It is near if only an instrument is suspected, as by design of one sound recording in 200.
     """
     faults = find_faults(fit, penalty)
-    misfit = tests.find_objections(fit.record.channel_names)
+    misfit = tests.find_objections(fit.record.condensed.channels.names)
     if misfit:
         excess = float(np.sum(tests.excess / fit.sigma**2))
         faults = [fault for fault in faults if fault.can_explain(excess)]
@@ -202,4 +202,4 @@ def _sample_noise(fit: ShootingFit, residual: np.ndarray) -> tuple[np.ndarray, d
     squares = condensed.sum_squares(residual) + condensed.remainder
     variance = squares / np.maximum(condensed.counts - share, 1.0)
     variance = np.where(condensed.is_known, condensed.noise_variance, variance)
-    return condensed.noise_by_state(fit.record.problem.states, np.sqrt(variance))
+    return condensed.noise_by_state(np.sqrt(variance))

@@ -14,7 +14,6 @@ from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.residual_tests import MIN_RESIDUAL, NEIGHBOUR_BINS
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.oscillations import FurtherMode
-from galloping.model.polynomial import velocity_pairs
 
 MAX_MODES = 4  # most modes of a channel
 MIN_POWER_SHARE = 0.1  # least share of the residual's power that a reported mode explains
@@ -22,32 +21,30 @@ MIN_POWER_SHARE = 0.1  # least share of the residual's power that a reported mod
 MAX_WINDOW_PERIODS = 0.4
 
 
-def find_further_modes(
-    states: tuple[str, ...], condensed: Condensed, residual: np.ndarray
-) -> tuple[FurtherMode, ...]:
+def find_further_modes(condensed: Condensed, residual: np.ndarray) -> tuple[FurtherMode, ...]:
     """Find oscillations in the residuals of a model, in each recording and channel separately.
 
     residual: (n_windows, n_observed, n_rows) projections of the samples less those of the model,
     not finite if the model diverges. Channels that measure the rate of another are left out.
     """
     modes: list[FurtherMode] = []
-    values = condensed.observed[~condensed.is_rate]
-    rates = {v for i, v in velocity_pairs(states).items() if i in values}
+    channels = condensed.channels
+    rates = {velocity for i, velocity in channels.pairs.items() if i in channels.values}
     weights = condensed.samplings[:, :, 0, 0]
     for r, (a, b) in enumerate(pairwise(condensed.first)):
-        for o, i in enumerate(condensed.observed):
+        for o, i in enumerate(channels.values):
             series, data = residual[a:b, o, 0], condensed.motion[a:b, o, 0]
             sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(series))
             is_exact = np.linalg.norm(series[sampled]) < MIN_RESIDUAL * np.linalg.norm(data)
             is_short = len(sampled) < max((b - a) / 2, NEIGHBOUR_BINS)
-            if condensed.is_rate[o] or i in rates or is_exact or is_short:
+            if i in rates or is_exact or is_short:
                 continue
             means = series[sampled] / weights[a:b, o][sampled]
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))
             lowest = 1.5 * main / (b - a) / condensed.step  # Hz; below are the model's errors
             time = condensed.step * (sampled + 0.5)
             oscillations = _find_oscillations(time, means, condensed.step, lowest)
-            modes += [FurtherMode(r, states[i], *each) for each in oscillations]
+            modes += [FurtherMode(r, channels.states[i], *each) for each in oscillations]
     return tuple(modes)
 
 

@@ -163,8 +163,8 @@ def _fault_parameters(
     coefficients that are zero or known, (n_entries, 2), columns as in `linearise`, and the faults.
     """
     problem, condensed = record.problem, record.condensed
-    states, names = problem.states, record.channel_names
-    channel = {int(condensed.observed[o]): int(o) for o in np.flatnonzero(~condensed.is_rate)}
+    states, names = problem.states, condensed.channels.names
+    channel = {i: o for o, i in enumerate(condensed.channels.values)}
     velocities = velocity_pairs(states).items()
     kinematic = [(i, v) for i, v in velocities if i in channel and v in channel]
     samplings, time = condensed.samplings, condensed.step * np.arange(len(rates))[:, None, None]

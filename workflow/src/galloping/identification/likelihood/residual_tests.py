@@ -63,7 +63,7 @@ class ResidualDiagnostics:
         """Whether the residuals show measurement noise that is correlated over a few samples."""
         return not self.noise_known and self.chi2 > max(MAX_COLOUR_RATIO, self.chi2_allowed)
 
-    def find_objections(self, channels: list[str]) -> list[Finding]:
+    def find_objections(self, channels: Sequence[str]) -> list[Finding]:
         """Return reasons not to trust the fit, such as correlated residuals; empty if reliable.
 
         channels: names of the observed channels. Noise correlated over a few samples may have up to
@@ -131,8 +131,8 @@ def diagnose_residuals(
     line, frequency, channel, cycles, r = max(lines, key=lambda line: line[0])
     if recordings and line > line_allowed:
         one = recordings[r]
-        samples = sampled_rates(one) if condensed.is_rate[channel] else one.values
-        values = samples[:, condensed.observed[channel]]
+        samples = sampled_rates(one) if condensed.channels.is_rate[channel] else one.values
+        values = samples[:, condensed.channels.observed[channel]]
         frequency = _unfold(one.time, values, frequency, 1.0 / condensed.step, line_allowed)
     return ResidualDiagnostics(
         *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,

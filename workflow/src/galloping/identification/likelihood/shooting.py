@@ -67,11 +67,6 @@ class ShootingData:
     floor: np.ndarray
 
     @property
-    def channel_names(self) -> list[str]:
-        """Names of the observed channels, as of `Condensed.channel_names`."""
-        return self.condensed.channel_names(self.problem.states)
-
-    @property
     def starts(self) -> np.ndarray:
         """Smoothed states at the beginning of each segment, (n_segments, n_states)."""
         return self.states[self.segments.first[:-1]]

@@ -30,6 +30,7 @@ from galloping.identification.no_model import NotConvergedError, as_findings
 from galloping.identification.preparation.rate_channels import channel_noise
 from galloping.identification.preparation.smoothing import Smooth, stack_channels
 from galloping.identification.preparation.weak_form import Start, WeakFit
+from galloping.identification.random_forces.channels import Channels
 from galloping.identification.selection import Price, n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import design_matrix, velocity_pairs
@@ -159,17 +160,16 @@ def prepare_fit(
     `min_periods`. Raises FloatingPointError if this does not suffice.
     """
     recordings, smoothed, period = start.recordings, start.smoothed, start.period
-    problem, n = start.problem, len(start.problem.states)
-    sampled = [stack_channels(recording) for recording in recordings]
-    channels = np.flatnonzero(np.any([np.isfinite(one).any(axis=0) for one in sampled], axis=0))
-    observed, is_rate = channels % n, channels >= n
+    problem, channels = start.problem, Channels.from_recordings(recordings)
+    columns = channels.observed + len(problem.states) * channels.is_rate  # in `stack_channels`
     noises = [channel_noise(*one) for one in zip(recordings, smoothed, strict=True)]
-    noise, known = np.take(np.stack(noises, axis=1), channels, axis=2)
-    times, sampled = [one.time for one in recordings], [one[:, channels] for one in sampled]
+    noise, known = np.take(np.stack(noises, axis=1), columns, axis=2)
+    times = [one.time for one in recordings]
+    sampled = [stack_channels(one)[:, columns] for one in recordings]
     curves = [
         np.hstack([one.states, np.gradient(one.states, one.time, axis=0)]) for one in smoothed
     ]
-    size = np.array([np.std(one[:, channels], axis=0) for one in curves])
+    size = np.array([np.std(one[:, columns], axis=0) for one in curves])
     floor = np.fmax(MIN_RESIDUAL * np.where(size > 0.0, size, 1.0), known)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD
@@ -179,7 +179,7 @@ def prepare_fit(
             raise NotConvergedError(Finding.of(Code.LIMIT_OF_WORK))
         has_kinks = problem.tables.n_kinks > 0
         condensed = condense_recordings(
-            times, sampled, observed, period / windows, is_rate, known, has_kinks
+            times, sampled, channels, period / windows, known, has_kinks
         )
         if problem.inputs:
             inputs = problem.input_factors(recordings, condensed.first, condensed.step)
@@ -214,7 +214,7 @@ def _error_of_inputs(start: Start, guess: WeakFit, condensed: Condensed) -> np.n
     state that has this state as rate. No term counts for more than its whole equation.
     """
     problem, n = start.problem, len(start.problem.states)
-    observed, is_rate = condensed.observed, condensed.is_rate
+    observed, is_rate = condensed.channels.observed, condensed.channels.is_rate
     input_errors = problem.input_fit_errors(
         start.recordings, condensed.first, condensed.step, condensed.inputs
     )

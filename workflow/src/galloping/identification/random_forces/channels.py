@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -53,6 +54,16 @@ class Channels:
         """Indices of states whose values at the previous sample the Kalman filter stores."""
         return self.rates if self.averaged else ()
 
+    @cached_property
+    def observed(self) -> np.ndarray:
+        """Index of the state that each channel, or whose rate it, measures, (n_channels,)."""
+        return np.array([*self.values, *self.rates], int)
+
+    @cached_property
+    def is_rate(self) -> np.ndarray:
+        """Whether each channel measures a rate, (n_channels,) boolean."""
+        return np.arange(len(self.observed)) >= len(self.values)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the channels: a state's name, after a d if its rate is measured."""
@@ -74,6 +85,19 @@ class Channels:
                 rate = without_drift(recording.time, rate)
             columns.append(np.where(is_after_gap, np.nan, rate))
         return np.array(columns).T
+
+    def noise_by_state(self, noise: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+        """Sort the channels' noise standard deviations into those of states and those of rates.
+
+        noise: (n_recordings, n_channels). Returns the noise of states, (n_recordings, n_states),
+        NaN if not measured, and the largest of each rate, as `noise_` and the rate's name.
+        """
+        count = len(self.values)
+        sigma = np.full((len(noise), len(self.states)), np.nan)
+        sigma[:, list(self.values)] = noise[:, :count]
+        largest = np.fmax.reduce(noise[:, count:], axis=0).tolist()
+        names = (f"noise_{name}" for name in self.names[count:])
+        return sigma, dict(zip(names, largest, strict=True))
 
     def sensing(self, system: np.ndarray) -> np.ndarray:
         """Compute the measurement matrix of the channels for a linear system dx/dt = A x.

@@ -273,11 +273,8 @@ def _assess_fit(
     covariance = problem.model_covariance(
         fit.coefficient_covariance * np.outer(unit, unit), support
     )
-    sigma = np.full((len(recordings), len(problem.states)), np.nan)
-    for c, i in enumerate(channels.values):
-        is_measured = [np.isfinite(one.samples[:, c]).any() for one in setup.data]
-        sigma[is_measured, i] = model.noise[c]
-    of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
+    is_measured = [np.isfinite(one.samples).any(axis=0) for one in setup.data]
+    sigma, noise_of_rates = channels.noise_by_state(np.where(is_measured, model.noise, np.nan))
     forces = setup.state_space_model(model).forces
     resonances = setup.resonances(model, fit.resonance_errors)
     beside = [each.frequency / (2.0 * np.pi) for each in resonances if each.is_mode]
@@ -309,7 +306,7 @@ def _assess_fit(
             "innovations_told": whiteness.predicted,
             "innovations_line": whiteness.peak,
             "innovations_line_allowed": whiteness.peak_allowed,
-            **{f"noise_{name}": float(value) for name, value in of_rates},
+            **noise_of_rates,
             **({"rates_averaged": float(channels.averaged)} if channels.rates else {}),
             "path": "random forces",
             **scales,

@@ -262,8 +262,6 @@ class StateSpaceModel:
         self, data: SampledChannels, exponents, coefficients, white, x, p, candidates, lagged
     ):
         channels, steps = self.channels, data.steps
-        sensed = np.array([*channels.values, *channels.rates])
-        is_rate = np.arange(len(sensed)) >= len(channels.values)
         counts = self.substeps(steps.lengths)
         each = STEP_WORK + TERM_WORK * exponents.size + SLOPE_WORK * len(candidates) * len(x) ** 2
         seconds = counts[steps.index].sum() * each
@@ -274,8 +272,8 @@ class StateSpaceModel:
         return extended_filter(
             data.samples, steps.index, steps.lengths, counts,
             steps.input_factors(counts, self._tables.factors), exponents,
-            tabulate_monomial_derivatives(exponents, len(x)), coefficients, white, sensed, is_rate,
-            lagged, self.noise**2, x, p, candidates,
+            tabulate_monomial_derivatives(exponents, len(x)), coefficients, white,
+            channels.observed, channels.is_rate, lagged, self.noise**2, x, p, candidates,
         )  # fmt: skip
 
     def simulate(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
