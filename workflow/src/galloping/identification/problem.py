@@ -194,16 +194,14 @@ class Problem:
         ]  # fmt: skip
         return np.max(errors, axis=0)
 
-    def with_prior(
-        self, information: np.ndarray, right: np.ndarray, origin: np.ndarray | float = 0.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Add Gaussian priors of coefficients to the normal equations of a regression.
+    def prior_equations(self, origin: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Compute the part of Gaussian priors in the normal equations of a regression.
 
-        The equations are (n, n) and (n,), of the candidates. origin: (n,) coefficients at which
-        `right` is measured, zero by default.
+        Shapes (n, n) and (n,), of the candidates. origin: (n,) coefficients at which the right-hand
+        side is measured, zero by default.
         """
         precision, mean = map(self.candidate_values, (self.precision, self.expected))
-        return information + np.diag(precision), right + precision * (mean - origin)
+        return np.diag(precision), precision * (mean - origin)
 
     def candidate_values(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
         """Extract the entries of an (n_states, n_terms) array that belong to the candidates.

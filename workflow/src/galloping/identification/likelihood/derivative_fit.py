@@ -31,7 +31,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     `sandwich_covariance`. The penalty of a term counts the samples of its equation.
     """
     n = len(problem.candidates)
-    information, right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
+    information, right = problem.prior_equations()
     support = np.zeros(n, bool)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
     values = [
@@ -71,8 +71,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         count += samples
     penalty = 2.0 * np.log(count / len(problem.unknown))  # by the mean sample count of an equation
     free, covariance = problem.solve_within_bounds(information, right, support)
-    prior_information, prior_right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
-    of_data, right_of_data = information - prior_information, right - prior_right
+    of_data, right_of_data = map(np.subtract, (information, right), problem.prior_equations())
     misfit = squares + float(free @ (of_data @ free - 2.0 * right_of_data))
     fit_fields: FitFields = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),

@@ -198,7 +198,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     for _ in range(1 + 3):  # after three weightings, coefficients change by less than their errors
         passing("start from the weak form")
         *system, total, n_rows = _normal_equations(problem, smoothed, coefficients)
-        information, right = problem.with_prior(*system)
+        information, right = map(np.add, system, problem.prior_equations())
         if coefficients is not None:
             support = problem.select_terms(information, right, [every], penalty)
         if not np.any(np.diag(information)):

@@ -212,9 +212,7 @@ class ForcedProblem:
             right -= scaled.T @ (filtered.innovations[is_known] / root)
         if not np.all(np.isfinite(information)):
             raise FloatingPointError("the slopes of the innovations diverge")
-        prior, prior_right = self.problem.with_prior(
-            np.zeros((n, n)), np.zeros(n), model.coefficients
-        )
+        prior, prior_right = self.problem.prior_equations(model.coefficients)
         return information + prior * np.outer(self.unit, self.unit), right + prior_right * self.unit
 
     def filter_recordings(self, model: ForcedModel) -> Innovations:
