@@ -126,9 +126,7 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
 def _shows_misfit(start: Start, fit: ShootingFit) -> bool:
     """Decide whether the residuals of a converged fit show that its model is wrong."""
     residuals = attempt(_chain_residuals, start, fit)
-    return isinstance(residuals, NoModel) or bool(
-        residuals[1].find_objections(fit.record.condensed.channels.names)
-    )
+    return isinstance(residuals, NoModel) or bool(residuals[1].objections)
 
 
 def _chain_residuals(start: Start, fit: ShootingFit) -> tuple[np.ndarray, ResidualDiagnostics]:
@@ -163,8 +161,7 @@ def _find_objections(
     It is near if only an instrument is suspected, as by design of one sound recording in 200.
     """
     faults = find_faults(fit, penalty)
-    misfit = tests.find_objections(fit.record.condensed.channels.names)
-    if misfit:
+    if misfit := tests.objections:
         excess = float(np.sum(tests.excess / fit.sigma**2))
         faults = [fault for fault in faults if fault.can_explain(excess)]
     is_fault = bool(faults) and not faults[0].or_model

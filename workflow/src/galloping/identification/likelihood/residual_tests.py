@@ -42,7 +42,7 @@ class ResidualDiagnostics:
     variance of a projection. excess: (n_recordings, n_observed) sum of squares below, less that
     with the density above. line: ratio of the highest peak of the residuals' periodogram to its
     surroundings; line_allowed: the largest that noise would give. frequency, Hz, and channel of
-    that peak, and its cycles in the recording.
+    that peak, by name, and its cycles in the recording.
     """
 
     chi2: float
@@ -55,7 +55,7 @@ class ResidualDiagnostics:
     line: float
     line_allowed: float
     frequency: float
-    channel: int
+    channel: str
     cycles: int
 
     @property
@@ -63,18 +63,19 @@ class ResidualDiagnostics:
         """Whether the residuals show measurement noise that is correlated over a few samples."""
         return not self.noise_known and self.chi2 > max(MAX_COLOUR_RATIO, self.chi2_allowed)
 
-    def find_objections(self, channels: Sequence[str]) -> list[Finding]:
-        """Return reasons not to trust the fit, such as correlated residuals; empty if reliable.
+    @property
+    def objections(self) -> list[Finding]:
+        """Reasons not to trust the fit, such as correlated residuals; empty if it is reliable.
 
-        channels: names of the observed channels. Noise correlated over a few samples may have up to
-        twice the power at the motion's frequencies.
+        Noise correlated over a few samples may have up to twice the power at the motion's
+        frequencies.
         """
         misfit: Any = {"band": self.band, "chi2": self.chi2}
-        channel = channels[self.channel]
         if self.line > self.line_allowed and self.cycles > 2:
-            return [Finding.of(Code.RESIDUAL_LINE, channel, frequency_hz=self.frequency, **misfit)]
+            line = {"frequency_hz": self.frequency, **misfit}
+            return [Finding.of(Code.RESIDUAL_LINE, self.channel, **line)]
         if self.line > self.line_allowed:
-            return [Finding.of(Code.RESIDUAL_DRIFTS, channel, **misfit)]
+            return [Finding.of(Code.RESIDUAL_DRIFTS, self.channel, **misfit)]
         if self.band > (MAX_COLOUR_RATIO if self.is_coloured else self.band_allowed):
             code = Code.NOISE_CORRELATED if self.is_coloured else Code.RESIDUAL_POWER
             return [Finding.of(code, **misfit)]
@@ -136,7 +137,8 @@ def diagnose_residuals(
         frequency = _unfold(one.time, values, frequency, 1.0 / condensed.step, line_allowed)
     return ResidualDiagnostics(
         *_chi2_inside(condensed, residual, parameters), bool(condensed.is_known.any()), band,
-        band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,
+        band_allowed, band_power, excess, line, line_allowed, frequency,
+        condensed.channels.names[channel], cycles,
     )  # fmt: skip
 
 
