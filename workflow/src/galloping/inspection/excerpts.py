@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from galloping.arrays import first_from, round_down
-from galloping.identification.free_motion.answer import find_free_motion, with_findings
+from galloping.identification.free_motion.answer import find_free_motion, map_findings
 from galloping.identification.free_motion.rest import moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import MIN_SAMPLES, validated_problem
@@ -61,7 +61,7 @@ def identify_excerpts(
     if method is maximum_likelihood and find_free_motion(moving.until_rest):
         return method(recordings, terms, *question, **options)
     identified = _identify_moving(method, moving.recordings, terms, *question, **options)
-    return with_findings(identified, moving)
+    return map_findings(identified, moving)
 
 
 def _identify_moving(

@@ -78,7 +78,7 @@ def identify_free_motion(
     if isinstance(outcome, IdentifiedModel):
         return prepend_path([FREE_MOTION], with_further_modes(outcome, motion))
     if not motion.decays:
-        return NoModel()  # a growing motion may approach a limit cycle
+        raise NoModelError  # a growing motion may approach a limit cycle
     if motion.linear_motion:
         return identify_linear_motion(problem, motion.linear_motion)
     return _identify_mean_model(problem, motion, outcome.findings)
@@ -151,7 +151,7 @@ def without_omissions(
     return without_further_modes(motion) if identified.further_modes else motion.recordings
 
 
-def with_findings(identified: IdentifiedModel, moving: MovingRecordings) -> IdentifiedModel:
+def map_findings(identified: IdentifiedModel, moving: MovingRecordings) -> IdentifiedModel:
     """Add findings on when motion begins and ends to a model of a recording's moving parts.
 
     The findings of `identified` refer to the stretches of `moving`; those of the returned model

@@ -19,7 +19,7 @@ from galloping.identification.free_motion.answer import (
     identify_free_motion,
     identify_linear_motion,
     is_of_one_coordinate,
-    with_findings,
+    map_findings,
     with_further_modes,
 )
 from galloping.identification.free_motion.kinds_of_motion import (
@@ -148,7 +148,7 @@ def maximum_likelihood(
         start = None if moving.findings else start
         with limit_work(segments) as work:
             identified = work.downgrade_if_cut_short(_search_model(problem, moving, start))
-        identified = explain_single_state(with_findings(identified, moving), segments)
+        identified = explain_single_state(map_findings(identified, moving), segments)
     identified = add_input_errors(check_prior_conflict(problem, identified), recordings, segments)
     return add_alias_rivals(problem, identified)
 
