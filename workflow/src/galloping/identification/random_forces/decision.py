@@ -92,7 +92,7 @@ def _identify_selection(
     selection: ModeSelection,
     forced: tuple[int, ...],
     may_be_slow: bool = True,
-    doubts: Callable[[ForcedFit], Sequence[Finding]] = lambda _: (),
+    check: Callable[[ForcedFit], None] = lambda _: None,
 ) -> Outcome:
     """Identify the model of `fit_in_forces`, which allows no terms with functions."""
     polynomial, places = problem.drop_terms(has_functions), list(map(has_functions, problem.terms))
@@ -100,7 +100,7 @@ def _identify_selection(
         return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
     outcome = attempt(
         fit_in_forces, polynomial, selection.recordings, selection.period, forced,
-        selection.n_further, may_be_slow, doubts,
+        selection.n_further, may_be_slow, check,
     )  # fmt: skip
     return outcome if isinstance(outcome, NoModel) else expand_terms(problem, outcome)
 
@@ -233,21 +233,21 @@ def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool 
     recordings, period = selection.recordings, selection.period
     with limit_work(recordings, INPUT_TRIAL_WORK if problem.inputs else TRIAL_WORK) as work:
 
-        def doubts(fit: ForcedFit) -> list[Finding]:
+        def check(fit: ForcedFit) -> None:
             channels, whiteness = fit.setup.channels, fit.whiteness
             unmeasured = set(channels.pairs) - set(channels.values)
             if unmeasured and not fit.setup.state_space_model(fit.model).is_linear:
                 # with nonlinear terms, forces imitate displacements that no channel measures
-                return [Finding.of(Code.FORCES_UNDETERMINED)]
+                raise NoModelError(Finding.of(Code.FORCES_UNDETERMINED))
             if work.is_cut_short:
-                return [Finding.of(Code.LIMIT_OF_WORK)]
+                raise NoModelError(Finding.of(Code.LIMIT_OF_WORK))
             # with inputs, other models may be as near
             is_near = whiteness.may_be_random and not (problem.inputs and whiteness.is_relevant)
-            is_accepted = is_near or (as_fallback and whiteness.explains_most)
-            return [] if is_accepted else [fit.deviation]
+            if not (is_near or (as_fallback and whiteness.explains_most)):
+                raise NoModelError(fit.deviation)
 
         may_be_slow = amplitude_fluctuates(recordings, period)
-        return _identify_selection(problem, selection, problem.unknown, may_be_slow, doubts)
+        return _identify_selection(problem, selection, problem.unknown, may_be_slow, check)
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:

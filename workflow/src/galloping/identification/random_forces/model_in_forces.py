@@ -3,7 +3,7 @@
 Terms are selected as usual, except that each forced coordinate keeps its stiffness and damping.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -53,24 +53,21 @@ def fit_in_forces(
     forced: tuple[int, ...],
     n_further: int,
     may_be_slow: bool,
-    doubts: Callable[[ForcedFit], Sequence[Finding]],
+    check: Callable[[ForcedFit], None],
 ) -> IdentifiedModel:
     """Fit a model under random forces to recordings, select its terms, and decide its status.
 
     The recordings have no outliers. period: s, the shortest of the motion. forced: indices of the
     equations with a force. n_further: number of modes beyond the coordinates. may_be_slow: whether
     forces may be slow; otherwise a model with white ones and clearly correlated innovations is
-    refused. doubts: gives the reasons to refuse a fit, none if it is accepted. It is called with
-    the fit to some of the samples, then with the fit to all. Raises NoModelError for a refused fit,
-    and one of NO_MODEL_ERRORS if there is none.
+    refused. check: raises NoModelError for a fit that is not accepted. It is called with the fit to
+    some of the samples, then with the fit to all. Raises one of NO_MODEL_ERRORS if there is none.
     """
     rescaled = [with_scales(one, period) for one in recordings]
     trial = _fit_some_samples(problem, rescaled, forced, may_be_slow, n_further)
-    if objections := doubts(trial):
-        raise NoModelError(*objections)
+    check(trial)
     fit = _fit_all_samples(trial, rescaled)
-    if objections := doubts(fit):
-        raise NoModelError(*objections)
+    check(fit)
     return _assess_fit(fit, trial, period, estimate_scales(recordings, rescaled))
 
 
