@@ -46,7 +46,7 @@ INPUT_TRIAL_WORK = 0.15 * MAX_WORK
 TRIAL_WORK = 0.4 * MAX_WORK  # most work of a trial of random forces without inputs, s
 
 Outcome = IdentifiedModel | NoModel
-Fit = Callable[[ModeSelection], Outcome]
+Fit = Callable[[ModeSelection], IdentifiedModel]
 
 
 def fit_random_forces(
@@ -93,16 +93,16 @@ def _identify_selection(
     forced: tuple[int, ...],
     may_be_slow: bool = True,
     check: Callable[[ForcedFit], None] = lambda _: None,
-) -> Outcome:
+) -> IdentifiedModel:
     """Identify the model of `fit_in_forces`, which allows no terms with functions."""
     polynomial, places = problem.drop_terms(has_functions), list(map(has_functions, problem.terms))
     if problem.known[:, places].any() or problem.precision[:, places].any():
-        return NoModel((Finding.of(Code.FORCES_BESIDE_FUNCTIONS),))
-    outcome = attempt(
-        fit_in_forces, polynomial, selection.recordings, selection.period, forced,
-        selection.n_further, may_be_slow, check,
+        raise NoModelError(Finding.of(Code.FORCES_BESIDE_FUNCTIONS))
+    identified = fit_in_forces(
+        polynomial, selection.recordings, selection.period, forced, selection.n_further,
+        may_be_slow, check,
     )  # fmt: skip
-    return outcome if isinstance(outcome, NoModel) else expand_terms(problem, outcome)
+    return expand_terms(problem, identified)
 
 
 def _search_modes(
@@ -119,7 +119,7 @@ def _search_modes(
     selection_model = _best_model(_identify_selections(several.slowest(), fit_roughly))
     if _is_ok(selection_model):
         return selection_model, selection_model
-    whole_model = fit(several.whole)
+    whole_model = attempt(fit, several.whole)
     if _is_ok(whole_model):
         return _with_overlapping_modes(whole_model, several, fit), selection_model
     if may_be_more:
@@ -141,10 +141,10 @@ def _identify_selections(
 
 def _identify_modes(selection: ModeSelection, fit: Fit) -> IdentifiedModel:
     """Identify the model of the selected modes, or of one that is two; raise if there is none."""
-    outcome = fit(selection)
-    if isinstance(outcome, NoModel) or not selection.has_modes_of(outcome):
+    identified = fit(selection)
+    if not selection.has_modes_of(identified):
         raise NoModelError
-    return selection.with_omissions(_with_split_mode(outcome, selection, fit))
+    return selection.with_omissions(_with_split_mode(identified, selection, fit))
 
 
 def _with_split_mode(
@@ -154,7 +154,7 @@ def _with_split_mode(
     may_split = identified.status == "ok" and may_have_split_mode(identified)
     if not may_split or selection.n_further == MAX_FURTHER_MODES:
         return identified
-    split = fit(replace(selection, n_further=selection.n_further + 1))
+    split = attempt(fit, replace(selection, n_further=selection.n_further + 1))
     return identified if isinstance(split, NoModel) or not splits_mode(split, identified) else split
 
 
@@ -224,8 +224,10 @@ def try_random_forces(
     return (selection_model if fluctuates else None), False
 
 
-def _fit_on_trial(problem: Problem, selection: ModeSelection, as_fallback: bool = False) -> Outcome:
-    """Fit the model in random forces of selected modes; none if the motion may have another cause.
+def _fit_on_trial(
+    problem: Problem, selection: ModeSelection, as_fallback: bool = False
+) -> IdentifiedModel:
+    """Fit the model in random forces of selected modes; raise if the motion has another cause.
 
     The innovations of a motion that repeats contain its harmonics. as_fallback: whether a model is
     accepted that explains most of the motion.
