@@ -5,7 +5,7 @@ import pytest
 
 from galloping.identification.likelihood.condense import condense_recordings
 from galloping.identification.likelihood.further_modes import find_further_modes
-from galloping.identification.random_forces.channels import Channels
+from galloping.identification.preparation.channels import Channels
 
 TIME = np.arange(0.0, 300.0, 0.02)
 STATES = ("q", "dq")

@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.random_forces.channels import Channels
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.random_forces.steps import Steps, discretise
 from galloping.identification.random_forces.tracking import Forces, SampledChannels, StateSpaceModel

@@ -15,7 +15,7 @@ from galloping.behaviour.following import Sensed
 from galloping.behaviour.forecast import Forecast
 from galloping.figures import parts
 from galloping.figures.style import BAND, MODEL_COLOR, PAPER_COLOR, SHADE, TRUE_COLOR
-from galloping.identification.random_forces.channels import Channels
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.random_forces.forced_motion import model_spectra
 from galloping.identification.random_forces.start import place_on_grid
 from galloping.inspection.quality import MIN_REPORTED_GAP, spectrum

@@ -28,8 +28,8 @@ from galloping.identification.free_motion.mode_search import (
     unexplained_power_share,
 )
 from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.smoothing import DRIFT_DEGREE, sampled_rates
-from galloping.identification.random_forces.channels import Channels
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 

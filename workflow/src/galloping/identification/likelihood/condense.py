@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from galloping.identification.random_forces.channels import Channels
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.work import count_work
 from galloping.trajectory.right_hand_side import System
 from galloping.trajectory.taylor import ORDER, Samples, integrate

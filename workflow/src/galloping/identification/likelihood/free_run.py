@@ -44,7 +44,7 @@ def approximate_free_runs(
 
     The simulations, or free runs, are the chains of `fit`. information: (n_candidates,
     n_candidates). residual: (n_windows, n_observed, n_rows) of the free runs. The other arguments
-    are as in `model_error.fit_approximation`, and so are the diagnostics, of free runs instead of
+    are as in `fit_approximation`, and so are the diagnostics, of free runs instead of
     forecasts. Intervals, of `sandwich_covariance`, are valid for residuals of any spectrum.
     """
     _, inverse = solve_support(information, np.zeros(len(fit.free)), fit.support)

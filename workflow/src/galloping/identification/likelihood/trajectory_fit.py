@@ -27,10 +27,10 @@ from galloping.identification.likelihood.shooting import (
     shorten_step,
 )
 from galloping.identification.no_model import NotConvergedError, as_findings
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.rate_channels import channel_noise
 from galloping.identification.preparation.smoothing import Smooth, stack_channels
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.random_forces.channels import Channels
 from galloping.identification.selection import Price, n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import design_matrix, velocity_pairs

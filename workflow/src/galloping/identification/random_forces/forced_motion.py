@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
-from galloping.identification.random_forces.channels import Channels
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.random_forces.steps import Steps
 from galloping.identification.random_forces.tracking import (
     Forces,

@@ -15,8 +15,8 @@ from galloping.identification.no_model import (
     attempt,
 )
 from galloping.identification.oscillations import Resonance
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.problem import Problem
-from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import (
     ExtraModes,
     estimate_spectra,

@@ -14,9 +14,9 @@ from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.plausible import detection_limits
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
 from galloping.identification.problem import Problem
-from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.fitting import (
     ForcedFit,
     forces_are_correlated,

@@ -14,8 +14,8 @@ from scipy.special import chdtri
 from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import attempt
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.screening import prepare_recordings
-from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import (
     PASS_BAND_EDGE,
     ROLL_OFF,

@@ -18,9 +18,9 @@ from galloping.arrays import round_down
 from galloping.identification.findings import Code
 from galloping.identification.no_model import NO_MODEL_ERRORS, IdentificationError, NoModel, attempt
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.smoothing import without_means
 from galloping.identification.preparation.weak_form import MAX_WEAK_MISFIT, Start
-from galloping.identification.random_forces.channels import Channels
 from galloping.recording.samples import Recording
 
 # Lengths of the correlations from which modes are found, in shortest periods. Short ones show broad

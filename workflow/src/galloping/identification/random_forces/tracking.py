@@ -10,7 +10,7 @@ from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.oscillations import Resonance
-from galloping.identification.random_forces.channels import Channels
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.random_forces.kalman import (
     extended_filter,
     kalman_filter,

@@ -5,7 +5,7 @@ from operator import itemgetter
 import numpy as np
 
 from galloping.identification.findings import Code, Finding
-from galloping.identification.random_forces.channels import Channels
+from galloping.identification.preparation.channels import Channels
 from galloping.identification.random_forces.several_modes import (
     MIN_MODE_PERIODS,
     PEAK_WIDTH,
