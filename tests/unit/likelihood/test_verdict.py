@@ -1,4 +1,4 @@
-"""What is chosen by chi^2 and a price for each term, and what a verdict claims of the choice, on
+"""What is chosen by chi^2 and a penalty for each term, and what a verdict claims of the choice, on
 regressions whose truth is known.
 """
 
@@ -31,7 +31,7 @@ def verdict(
     information, right = columns.T @ columns, columns.T @ observed
     penalty = 2.0 * np.log(len(columns))
     starts = [np.isin(np.arange(columns.shape[1]), start)]
-    support = select_support(information, right, starts, problem.least_prices(penalty))
+    support = select_support(information, right, starts, problem.least_penalties(penalty))
     largest = np.sqrt(np.mean(observed**2)) / np.sqrt(np.mean(columns**2, axis=0))
     return assess_fit(problem, Regression(information, right, support, penalty, largest))
 
@@ -179,14 +179,14 @@ def test_a_nonlinear_term_that_others_balance_may_be_twice_its_equation_unseen(
 
 
 def test_by_default_a_constant_is_cheapest_and_a_nonlinear_term_dearest() -> None:
-    constant, *linear = make_problem(("x", "y"), PLANE, prior=Prior()).least_prices(12.0)[:3]
-    nonlinear = make_problem(("x", "y"), PLANE, prior=Prior()).least_prices(12.0)[3:6]
+    constant, *linear = make_problem(("x", "y"), PLANE, prior=Prior()).least_penalties(12.0)[:3]
+    nonlinear = make_problem(("x", "y"), PLANE, prior=Prior()).least_penalties(12.0)[3:6]
     assert constant < min(linear) and max(linear) < min(nonlinear)
 
 
 def test_the_prior_costs_the_same_in_any_unit() -> None:
     problem, *_ = alike(Prior(term=0.5, constant=1.0, nonlinear=0.1))
-    paid = problem.least_prices(2.0 * np.log(400)) - np.log(400)
+    paid = problem.least_penalties(2.0 * np.log(400)) - np.log(400)
     assert paid[0] == 0.0
     assert np.allclose(paid[[1, Y]], 2.0 * np.log(2.0))
     assert np.allclose(paid[3:] - paid[1], 2.0 * np.log(10.0))
@@ -196,7 +196,7 @@ def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> 
     """A term of the third degree costs as much as one of the second."""
     line = make_problem(("q", "dq"), (*PLANE, (3, 0)), prior=Prior(nonlinear=0.1))
     plain = make_problem(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
-    rate = line.prior_prices / np.log(10.0)
+    rate = line.prior_penalties / np.log(10.0)
     assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1, 1]))
     assert np.all(plain.term_complexity[[0, 6]] == -1)
 
@@ -205,13 +205,13 @@ def test_simple_terms_told_finely_cost_more_but_not_beside_a_displacement() -> N
     rows, largest = 400, np.geomspace(1e-3, 1e3, 12)
     for states, dearer in ((("x", "y"), [0, 1, 2, 6, 7, 8]), (("q", "dq"), [])):
         problem = make_problem(states, PLANE, prior=Prior())
-        price = problem.term_prices(2.0 * np.log(rows), largest[: len(problem.candidates)])
+        penalty = problem.term_penalties(2.0 * np.log(rows), largest[: len(problem.candidates)])
         terms = np.arange(len(problem.candidates))
-        roughly = price.with_errors(price.width, terms)  # as a prior worth one sample is wide
-        assert np.allclose(roughly, problem.least_prices(2.0 * np.log(rows)))
-        finely = price.with_errors(price.width / 3.0, terms) - roughly
+        roughly = penalty.with_errors(penalty.width, terms)  # as a prior worth one sample is wide
+        assert np.allclose(roughly, problem.least_penalties(2.0 * np.log(rows)))
+        finely = penalty.with_errors(penalty.width / 3.0, terms) - roughly
         assert np.allclose(finely, 2.0 * np.log(3.0) * np.isin(terms, dearer))
-        assert price.with_errors(0.0 * price.width + 1e-30, terms).max() <= roughly.max()
+        assert penalty.with_errors(0.0 * penalty.width + 1e-30, terms).max() <= roughly.max()
 
 
 def test_supports_that_lack_a_term_may_weigh_a_fifth() -> None:
@@ -253,7 +253,7 @@ def test_four_unconditional_errors_hold_for_all_coefficients_together() -> None:
 
 @pytest.mark.parametrize(("z", "doubted"), [(3.7, False), (4.2, True)])
 def test_a_term_that_noise_brings_once_in_a_thousand_is_a_doubt(z: float, doubted: bool) -> None:
-    """One of eleven that are absent, by whose z^2 chi^2 falls: less than the price, 19.8."""
+    """One of eleven that are absent, by whose z^2 chi^2 falls: less than the penalty, 19.8."""
     rng = np.random.default_rng(202611271)
     rows, present = 20_000, np.array([0, 5])
     columns = np.sqrt(rows) * np.linalg.qr(rng.normal(size=(rows, 12)))[0]
@@ -321,7 +321,7 @@ def test_two_terms_that_only_help_together_are_found() -> None:
 
 def test_one_false_term_is_exchanged_for_two_true_ones() -> None:
     # the sum of two columns, with noise of its own, imitates both together; they are worth their
-    # price in its place, but not beside it
+    # penalty in its place, but not beside it
     rng = np.random.default_rng(5)
     columns = rng.normal(size=(3000, 6))
     columns[:, 5] = columns[:, 0] + columns[:, 1] + 0.06 * rng.normal(size=3000)

@@ -36,8 +36,8 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     """Search for sets of terms, near a selected set, that fit the data almost as well.
 
     The neighbours of a support (n,) are searched, and those of its best four neighbours. A
-    support's weight is exp(-(chi^2 + price |support|)/2), as in the averaging of models by an
-    information criterion (Burnham and Anderson 2002). The price of a term is not the penalty of the
+    support's weight is exp(-(chi^2 + penalty |support|)/2), as in the averaging of models by an
+    information criterion (Burnham and Anderson 2002). The penalty of a term is not that of the
     selection, which would hide every rival with one more term, but the decrease of chi^2 that the
     best of all terms without effect exceeds with probability one tenth: beyond it a term is more
     plausible than not. Measured on 240 fits to random lines (seed 20261122): supports are right as
@@ -45,7 +45,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     false term, and 7 are expected.
     """
     absent = max(int(np.sum(whitened.is_usable & ~support)), 1)
-    prices = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
+    penalties = np.full(len(support), 2.0 * gammaincinv(0.5, 0.9 ** (1.0 / absent)))
     most = 150  # supports that are weighed; with 60, 1 % fewer intervals contain the truth
     entries = {support.tobytes(): (-np.inf, support)}
     visited: set[bytes] = set()
@@ -57,14 +57,14 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
         visited.add(key)
         centre = entries[key][1]
         fit = make_tableau(whitened, centre)
-        rises, others = find_moves(fit, centre, prices, most)
-        values = fit.chi2 + prices[fit.kept].sum() + rises
+        rises, others = find_moves(fit, centre, penalties, most)
+        values = fit.chi2 + penalties[fit.kept].sum() + rises
         for value, other in zip(values, others, strict=True):
             entries.setdefault(other.tobytes(), (value, other))
     ranked = sorted(entries.values(), key=lambda entry: entry[0])
     supports = np.array([other for _, other in ranked[:most]])
     chi2, coefficients, variances = _fit_supports(whitened, supports)
-    criterion = chi2 + supports @ prices
+    criterion = chi2 + supports @ penalties
     weight = np.exp(-(criterion - criterion.min()) / 2.0)
     return Plausible(supports, chi2, weight / weight.sum(), coefficients, variances)
 
@@ -79,8 +79,8 @@ def weigh_by_prior(problem: Problem, plausible: Plausible) -> Plausible:
     if problem.prior is None:
         return plausible
     size = plausible.supports.sum(axis=1)
-    price = plausible.supports @ problem.prior_prices
-    rise = price - price[0]
+    penalties = plausible.supports @ problem.prior_penalties
+    rise = penalties - penalties[0]
     clearly = plausible.chi2 < plausible.chi2[0] - 5.0
     is_no_tie = (size < size[0]) | (size > size[0]) & clearly
     rise = np.where(is_no_tie, np.minimum(rise, 0.0), rise)

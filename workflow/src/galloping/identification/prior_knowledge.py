@@ -70,14 +70,16 @@ class Prior:
             if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
-    def prices(self, complexity: NDArray[np.int_], powers: NDArray[np.int_]) -> NDArray[np.float64]:
+    def penalties(
+        self, complexity: NDArray[np.int_], powers: NDArray[np.int_]
+    ) -> NDArray[np.float64]:
         """Compute penalties (n,) of terms on chi^2, relative to the penalty of a linear term.
 
         complexity: (n,) of `Problem.term_complexity`. powers: (n,) number of powers of inputs.
         """
         nonlinear = -2.0 * np.log(self.nonlinear) * complexity
-        price = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), nonlinear)
-        return price - 2.0 * np.log(self.power) * powers
+        penalties = np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), nonlinear)
+        return penalties - 2.0 * np.log(self.power) * powers
 
 
 PRIOR = Prior()

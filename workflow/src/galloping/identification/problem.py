@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.identification.prior_knowledge import Coefficient, Prior
-from galloping.identification.selection import Price, select_support, solve_support
+from galloping.identification.selection import Penalties, select_support, solve_support
 from galloping.model.polynomial import (
     Bound,
     Exponents,
@@ -100,13 +100,13 @@ class Problem:
         )
 
     @property
-    def prior_prices(self) -> np.ndarray:
-        """Penalty of each candidate term by its prior odds, as of `Prior.prices`; else zero."""
+    def prior_penalties(self) -> np.ndarray:
+        """Penalty of each candidate term by its prior odds, as of `Prior.penalties`; else zero."""
         if self.prior is None:
             return np.zeros(len(self.candidates))
         powers = exponent_matrix(self.terms, len(self.names))[:, len(self.states) :]
         of_inputs = np.abs(powers).sum(axis=1)
-        return self.prior.prices(self.term_complexity, of_inputs[self.candidates[:, 1]])
+        return self.prior.penalties(self.term_complexity, of_inputs[self.candidates[:, 1]])
 
     @cached_property
     def tables(self) -> Tables:
@@ -236,7 +236,7 @@ class Problem:
         information: np.ndarray,
         right: np.ndarray,
         starts: list[np.ndarray],
-        price: Price | np.ndarray | float,
+        penalties: Penalties | np.ndarray | float,
         origin: np.ndarray | float = 0.0,
         indices: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
@@ -249,7 +249,7 @@ class Problem:
         """
         offset = self.selection_offset()[indices]
         if not self.bounds:
-            return select_support(information, right, starts, price, origin + offset)
+            return select_support(information, right, starts, penalties, origin + offset)
         lower, upper = (ends[indices] for ends in self.coefficient_bounds)
         is_required, is_excluded = (lower > 0.0) | (upper < 0.0), np.zeros(len(right), bool)
         root = np.sqrt(np.where(is_required & (offset == 0.0), np.diag(information), 0.0))
@@ -258,7 +258,7 @@ class Problem:
         while True:
             shifted = origin + np.where(is_excluded, 0.0, offset)
             allowed = [start & ~is_excluded for start in starts]
-            support = select_support(information, right, allowed, price, shifted)
+            support = select_support(information, right, allowed, penalties, shifted)
             change, _ = solve_support(information, right, support)
             k, _ = _farthest_out(origin + change, support & ~is_required, lower, upper)
             if k < 0:
@@ -317,20 +317,20 @@ class Problem:
         full[tuple(self.candidates.T)] = free
         return full
 
-    def term_prices(self, penalty: float, largest: np.ndarray) -> Price:
+    def term_penalties(self, penalty: float, largest: np.ndarray) -> Penalties:
         """Compute the penalty of each candidate term from prior odds and the number of samples.
 
         penalty: 2 ln N of N samples. largest: (n_candidates,), of `largest_coefficients`.
         """
-        least = self.least_prices(penalty)
+        least = self.least_penalties(penalty)
         if self.prior is None:
-            return Price(least, least, largest)
+            return Penalties(least, least, largest)
         nonlinear = penalty / 2.0 - 2.0 * np.log(self.prior.term * self.prior.nonlinear)
         simple = (self.degrees < 2) & ~self.is_velocity_equation
         most = np.where(simple, nonlinear, least)
-        return Price(least, most, largest / np.exp(penalty / 4.0))
+        return Penalties(least, most, largest / np.exp(penalty / 4.0))
 
-    def least_prices(self, penalty: float) -> np.ndarray:
+    def least_penalties(self, penalty: float) -> np.ndarray:
         """Compute the smallest decrease of chi^2 for which each candidate term can be selected.
 
         Shape (n_candidates,). penalty: 2 ln N. Without a prior all of it, to exclude terms that fit
@@ -338,7 +338,7 @@ class Problem:
         """
         if self.prior is None:
             return np.full(len(self.candidates), penalty)
-        return penalty / 2.0 - 2.0 * np.log(self.prior.term) + self.prior_prices
+        return penalty / 2.0 - 2.0 * np.log(self.prior.term) + self.prior_penalties
 
     def compile_system(self, free: np.ndarray, pairs: np.ndarray) -> System:
         """Compile the equations and their derivatives by coefficients, for the integrator.

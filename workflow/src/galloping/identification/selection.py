@@ -39,7 +39,7 @@ def solve_support(
 
 
 @dataclass(frozen=True)
-class Price:
+class Penalties:
     """Penalties of terms: the decrease of chi^2 that each term needs to be selected.
 
     least, most: (n,) bounds of the penalty of each term. width: (n,) coefficients c: if a term's
@@ -51,13 +51,13 @@ class Price:
     most: np.ndarray
     width: np.ndarray
 
-    def scale_by(self, factor: float) -> Price:
+    def scale_by(self, factor: float) -> Penalties:
         """Return all penalties multiplied by a factor."""
-        return Price(factor * self.least, factor * self.most, self.width)
+        return Penalties(factor * self.least, factor * self.most, self.width)
 
-    def of_terms(self, terms: np.ndarray) -> Price:
+    def of_terms(self, terms: np.ndarray) -> Penalties:
         """Return the penalties of some terms, given by their indices."""
-        return Price(self.least[terms], self.most[terms], self.width[terms])
+        return Penalties(self.least[terms], self.most[terms], self.width[terms])
 
     def with_errors(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
         """Compute penalties of terms (m,), larger for terms with smaller standard errors (m,)."""
@@ -69,32 +69,34 @@ def select_support(
     information: np.ndarray,
     right: np.ndarray,
     starts: list[np.ndarray],
-    price: Price | np.ndarray | float,
+    penalties: Penalties | np.ndarray | float,
     origin: np.ndarray | None = None,
 ) -> np.ndarray:
     """Search for the set of terms with the least sum of chi^2 and penalties of its terms.
 
     From each of `starts`, (n,) boolean, the least useful term is removed while it does not reach
     its penalty; then, while the criterion falls, one or two terms are added, or one is exchanged
-    for one or two, or two for one, as long as work is left. In this search a `Price` counts by its
-    least, since a term beside a similar one has a large error, and so an incomparable penalty.
+    for one or two, or two for one, as long as work is left. In this search the least penalties
+    count, since a term beside a similar one has a large error, and so an incomparable penalty.
     Finally, from the best support terms are removed that do not reach their penalties with the
-    errors they have there. price: of each term (n,), in units of chi^2, or one of all. Shapes as in
-    `solve_support`; origin: as in `whiten`. Returns the (n,) boolean support.
+    errors they have there. penalties: of each term (n,), in units of chi^2, or one of all. Shapes
+    as in `solve_support`; origin: as in `whiten`. Returns the (n,) boolean support.
     """
     whitened = whiten(information, right, origin)
-    least = np.broadcast_to(price.least if isinstance(price, Price) else price, len(right))
+    least = np.broadcast_to(
+        penalties.least if isinstance(penalties, Penalties) else penalties, len(right)
+    )
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
         value, support = _descend_by_moves(whitened, start & whitened.is_usable, least, ends)
         ends[support.tobytes()] = (value, support)
     support = min(ends.values(), key=lambda end: end[0])[1]
-    if not isinstance(price, Price):
+    if not isinstance(penalties, Penalties):
         return support
-    fit, prices = make_tableau(whitened, support), least.copy()
+    fit, refined = make_tableau(whitened, support), least.copy()
     errors = whitened.unit[fit.kept] * np.sqrt(np.diag(fit.covariance))
-    prices[fit.kept] = price.with_errors(errors, fit.kept)
-    return _remove_terms(whitened, support, prices)
+    refined[fit.kept] = penalties.with_errors(errors, fit.kept)
+    return _remove_terms(whitened, support, refined)
 
 
 @dataclass(frozen=True)
@@ -227,22 +229,22 @@ def make_tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
 
 
 def find_moves(
-    fit: Tableau, support: np.ndarray, prices: np.ndarray, most: int
+    fit: Tableau, support: np.ndarray, penalties: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the best small changes of a set of terms, and how each changes chi^2 plus penalties.
 
     At most `most` changes of a support (n,) are returned. One term is removed, one or two are
     added, or one is exchanged for one or two, or two for one. Returns the rise of chi^2 plus
-    `prices` (n,) with each, (m,), increasing, and the supports that they lead to, (m, n).
+    `penalties` (n,) with each, (m,), increasing, and the supports that they lead to, (m, n).
     """
     n_present, n_absent = len(fit.kept), len(fit.out)
     count_work(6e-8 * n_present * n_absent * (n_absent + n_present))  # moves of three terms
     options = [fit.rises(*move) for move in ((1, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 1))]
-    priced = [
-        (rises + prices[enter].sum(axis=1) - prices[leave].sum(axis=1)[:, None]).ravel()
+    rises_with = [
+        (rises + penalties[enter].sum(axis=1) - penalties[leave].sum(axis=1)[:, None]).ravel()
         for rises, leave, enter in options
     ]
-    rise, ends = np.concatenate(priced), np.cumsum(list(map(len, priced)))
+    rise, ends = np.concatenate(rises_with), np.cumsum(list(map(len, rises_with)))
     edge = np.partition(rise, most - 1)[most - 1] if most < len(rise) else np.inf
     best = np.flatnonzero(rise <= edge)
     best = best[np.argsort(rise[best], kind="stable")][:most]
@@ -257,35 +259,35 @@ def find_moves(
 
 
 def _descend_by_moves(
-    whitened: Whitened, support: np.ndarray, prices: np.ndarray, ends: dict[bytes, tuple]
+    whitened: Whitened, support: np.ndarray, penalties: np.ndarray, ends: dict[bytes, tuple]
 ) -> tuple[float, np.ndarray]:
     """Remove terms, then take the best small move while one lowers the criterion.
 
     ends: supports from which no move does. Returns the criterion and the support.
     """
-    support = _remove_terms(whitened, support, prices)
+    support = _remove_terms(whitened, support, penalties)
     while support.tobytes() not in ends:
         fit = make_tableau(whitened, support)
-        value = fit.chi2 + prices[fit.kept].sum()
+        value = fit.chi2 + penalties[fit.kept].sum()
         if is_exhausted():
             return value, support
-        rise, others = find_moves(fit, support, prices, 1)
+        rise, others = find_moves(fit, support, penalties, 1)
         if not len(rise) or rise[0] > -1e-6:  # a smaller fall of chi^2 may be rounding
             return value, support
-        support = _remove_terms(whitened, others[0], prices)
+        support = _remove_terms(whitened, others[0], penalties)
     return ends[support.tobytes()]
 
 
-def _remove_terms(whitened: Whitened, support: np.ndarray, prices: np.ndarray) -> np.ndarray:
+def _remove_terms(whitened: Whitened, support: np.ndarray, penalties: np.ndarray) -> np.ndarray:
     """Eliminate terms backward; the inverse is updated at each removal, then recomputed."""
     while True:
         fit = make_tableau(whitened, support)
-        c, inverse, price = fit.coefficients, fit.covariance, prices[fit.kept]
+        c, inverse, least = fit.coefficients, fit.covariance, penalties[fit.kept]
         is_kept = np.ones(len(c), bool)
         while is_kept.any():
             variance = np.diag(inverse)  # zero by rounding beside a nearly equal term
             is_usable = is_kept & (variance > 0.0)
-            excess = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=is_usable) - price
+            excess = np.divide(c**2, variance, out=np.full(len(c), np.inf), where=is_usable) - least
             worst = int(np.argmin(excess))
             if excess[worst] >= 0.0:
                 break

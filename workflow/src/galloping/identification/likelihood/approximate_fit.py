@@ -60,7 +60,7 @@ class Approximation:
     information, covariance: of the candidates with the disturbance accounted for, and of the
     supported ones by leaving stretches out (delete-a-group jackknife), widened for errors common to
     all stretches, or, if the coefficients fluctuate, that of their means. residual: (n_windows,
-    n_observed, n_rows) of forecasts over the segments of the fit, each from its beginning. price:
+    n_observed, n_rows) of forecasts over the segments of the fit, each from its beginning. penalty:
     of a term, in units of chi^2, at which the terms were chosen. path: how it was found, in words.
     fluctuates: whether the coefficients are means of fluctuating ones.
     """
@@ -69,7 +69,7 @@ class Approximation:
     information: np.ndarray
     covariance: np.ndarray
     residual: np.ndarray
-    price: float
+    penalty: float
     path: tuple[str, ...] = ()
     fluctuates: bool = False
 
@@ -170,7 +170,7 @@ def as_identified(
     squares = float(np.sum(approximation.forecast_squares[1]))
     identified = assess_approximation(
         problem, fit.free, fit.support, approximation.information, approximation.covariance,
-        approximation.price, (*objections, *misses, *lacking),
+        approximation.penalty, (*objections, *misses, *lacking),
         initial_states=fit.starts[record.first_segments],
         sigma=sigma,
         chi2=squares / noise_power if noise_power else np.inf,
@@ -254,26 +254,26 @@ def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation:
 
 def _iterate_fit(
     fit: StretchFit,
-    price: float | None = None,
+    penalty: float | None = None,
     most_jump: np.ndarray | None = None,
 ) -> StretchFit:
     """Iterate by Gauss-Newton, and estimate the covariances meanwhile.
 
-    Unless `price` is None, terms are chosen in the first passes. most_jump: (n_states, n_states)
+    Unless `penalty` is None, terms are chosen in the first passes. most_jump: (n_states, n_states)
     upper limit of the covariance of jumps.
     """
     # The number of passes is limited, since an iteration may alternate. With half or twice as many,
     # 3 of 22 approximate models of `make exam` have other terms; the coefficients of the others
     # change by less than 0.6 standard errors.
-    record, passes, choosing = fit.record, 5 if price is None else 20, 6
+    record, passes, choosing = fit.record, 5 if penalty is None else 20, 6
     for iteration in range(passes):
         if iteration and is_exhausted():
             break
         passing("approximate in stretches")
         linear, support = fit.linearised, fit.support
         solved = eliminate_with_jumps(linear, record.segments, record.jump_roots(fit.jump))
-        if price is not None and iteration < choosing:
-            support = solved.choose_terms(fit, price)
+        if penalty is not None and iteration < choosing:
+            support = solved.choose_terms(fit, penalty)
             support = record.problem.same_state_monomial(support)
         free, _ = solved.best_coefficients(fit, support)
         change = free - fit.free
@@ -284,7 +284,7 @@ def _iterate_fit(
             jump = jump * np.outer(share, share)
         unchanged = np.array_equal(support, fit.support)
         misfit = coloured_misfit(record, linear.residual)
-        if price is not None:
+        if penalty is not None:
             # averaged: otherwise the fit and the covariance of its residuals may alternate
             misfit = (misfit + fit.misfit) / 2.0
         next_fit = replace(fit, free=free, support=support, starts=starts, misfit=misfit, jump=jump)
@@ -295,7 +295,7 @@ def _iterate_fit(
     return fit
 
 
-def _cross_validate(fit: StretchFit, price: float) -> Approximation:
+def _cross_validate(fit: StretchFit, penalty: float) -> Approximation:
     """Estimate covariance and forecasts of a fit by leaving folds of segments out.
 
     Directions that a single fold determines, such as one before a rest, have the covariance of the
@@ -330,7 +330,7 @@ def _cross_validate(fit: StretchFit, price: float) -> Approximation:
     _, least = solve_support(whole.information, np.zeros(len(fit.support)), fit.support)
     covariance += np.diag(np.maximum(np.diag(least - covariance), 0.0))
     covariance += prior_covariance(record.problem, least, fit.support)
-    return Approximation(fit, whole.information, covariance, residual, price)
+    return Approximation(fit, whole.information, covariance, residual, penalty)
 
 
 def _change_without(

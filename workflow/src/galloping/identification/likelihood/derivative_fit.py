@@ -63,9 +63,9 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
         if not samples:
             return refused_model(problem, [Finding.of(Code.SAMPLES_INCOMPLETE, problem.states[i])])
-        price = problem.term_prices(2.0 * np.log(samples), size).of_terms(block)
+        penalties = problem.term_penalties(2.0 * np.log(samples), size).of_terms(block)
         support[block] = problem.select_terms(
-            information[np.ix_(block, block)], right[block], [np.ones(len(block), bool)], price,
+            information[np.ix_(block, block)], right[block], [np.ones(len(block), bool)], penalties,
             indices=block,
         )  # fmt: skip
         count += samples

@@ -24,7 +24,7 @@ from galloping.identification.likelihood.square_root import (
     link_segments,
 )
 from galloping.identification.likelihood.weak_constraint import StretchFit
-from galloping.identification.selection import Price
+from galloping.identification.selection import Penalties
 from galloping.identification.work import count_work
 
 # Largest derivatives of a chain's end by its first state and by the coefficients, in standard
@@ -50,10 +50,12 @@ class NormalEquations:
     information: np.ndarray
     right: np.ndarray
 
-    def choose_terms(self, fit: ShootingFit | StretchFit, price: Price | float) -> np.ndarray:
+    def choose_terms(
+        self, fit: ShootingFit | StretchFit, penalties: Penalties | float
+    ) -> np.ndarray:
         """Choose the best terms, (n,), searched from all candidates and from those of the fit."""
         supports, problem = [np.ones(len(fit.support), bool), fit.support], fit.record.problem
-        return problem.select_terms(self.information, self.right, supports, price, fit.free)
+        return problem.select_terms(self.information, self.right, supports, penalties, fit.free)
 
     def best_coefficients(
         self, fit: ShootingFit | StretchFit, support: np.ndarray

@@ -96,7 +96,7 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
         return fit.misfit if has_kinks else float(fit.support.sum())
 
     steps: dict[bytes, Step | None] = {}
-    for name, guess, price_factor in starts_of_terms(start):
+    for name, guess, penalty_factor in starts_of_terms(start):
         key = guess.free.tobytes()  # two guesses may be equal
         if key not in steps:
             steps[key] = fit_free_segments(start, guess)
@@ -104,11 +104,11 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
         if free_step is None:
             continue
         has_unseen = n_unidentifiable_directions(free_step.information, largest) > 0
-        chain_fit = join_segments(free_step, start.price, price_factor, has_unseen)
+        chain_fit = join_segments(free_step, start.penalties, penalty_factor, has_unseen)
         if has_kinks:
-            chain_fit = refine_fit(chain_fit, start.price)
+            chain_fit = refine_fit(chain_fit, start.penalties)
         chain_fit = replace(chain_fit, path=(name, *free_step.path(start.period), *chain_fit.path))
-        if price_factor > 1.0 and chain_fit.settled and has_unseen:
+        if penalty_factor > 1.0 and chain_fit.settled and has_unseen:
             # a model of fewer terms can have the same limit cycle
             n_unseen = n_unidentifiable_directions(chain_fit.step.information, largest)
             chain_fit = replace(
@@ -148,7 +148,7 @@ def _refit_coloured_noise(
     record = replace(fit.record, floor=noise)
     fit = replace(fit, record=record, sigma=noise, reference=noise, chi2=np.inf)
     step = replace(chain_fit.step, before=fit, fit=fit)
-    again = join_segments(step, start.price, 1.0, False)
+    again = join_segments(step, start.penalties, 1.0, False)
     path = (*chain_fit.path, "coloured noise", *again.path)
     return replace(again, free_step=chain_fit.free_step, path=path)
 

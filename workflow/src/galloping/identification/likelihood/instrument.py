@@ -247,11 +247,11 @@ def _score_instead_of_terms(
     """Compute z by which the data prefer a fault with newly selected terms to the present terms."""
     information, right = _combine_parameters(quadratic.information, quadratic.right, test.mixture)
     problem, origin = fit.record.problem, np.append(fit.free, 0.0)
-    prices = np.append(problem.least_prices(penalty), penalty)
+    penalties = np.append(problem.least_penalties(penalty), penalty)
     present_support = np.append(fit.support, False)
     apart = np.append(problem.selection_offset(fit.free), 0.0)
     selection = select_support(
-        information, right, [present_support, np.append(fit.support, True)], prices, apart
+        information, right, [present_support, np.append(fit.support, True)], penalties, apart
     )
     if not selection[-1]:
         return 0.0
@@ -261,7 +261,7 @@ def _score_instead_of_terms(
         residual_gradient = right - information @ removal
         change, _ = solve_support(information, residual_gradient, present)
         rise = removal @ information @ removal - 2.0 * right @ removal
-        return float(rise - change @ residual_gradient) + prices[present].sum()
+        return float(rise - change @ residual_gradient) + penalties[present].sum()
 
     return float(np.sqrt(max(penalised_misfit(present_support) - penalised_misfit(selection), 0.0)))
 

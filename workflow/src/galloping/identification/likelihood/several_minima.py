@@ -26,7 +26,7 @@ from galloping.identification.likelihood.trajectory_fit import (
     update_noise,
 )
 from galloping.identification.no_model import NoModel, NotConvergedError, attempt
-from galloping.identification.selection import Price, solve_support
+from galloping.identification.selection import Penalties, solve_support
 from galloping.identification.work import is_exhausted
 from galloping.model.intervals import draw_normal
 from galloping.trajectory.simulation import STICKING_TOLERANCE
@@ -35,31 +35,31 @@ DRAWN_FITS = 40  # number of drawn models from which other minima are searched f
 SWING_TURNS = 2  # number of turns of the motion in the last swing before it sticks
 
 
-def refine_fit(chain_fit: JoinedFit, price: Price) -> JoinedFit:
+def refine_fit(chain_fit: JoinedFit, penalties: Penalties) -> JoinedFit:
     """Search several local minima of chi^2 for the lowest, and select the best terms there.
 
     The search is from the joined segments and, if that leads to no fit that follows the data, from
     the free segments. chain_fit: returned unchanged if neither does.
     """
     for step in (chain_fit.step, chain_fit.free_step):
-        least = attempt(_settle_terms, step, price)
+        least = attempt(_settle_terms, step, penalties)
         if not isinstance(least, NoModel) and least.fit.misfit < CLOSE_MISFIT:
             path = (*chain_fit.path, "least of several minima")
             return JoinedFit(chain_fit.free_step, least, path, True, None)
     return chain_fit
 
 
-def _settle_terms(step: Step, price: Price) -> Step:
+def _settle_terms(step: Step, penalties: Penalties) -> Step:
     """Step to the least minimum whose terms are the best there; an error if terms come and go."""
     record = step.fit.record
     record = replace(record, segments=chain_segments(step.fit.linearise(), record.segments))
-    support = step.choose_terms(step.fit, price)
+    support = step.choose_terms(step.fit, penalties)
     for _ in range(5):  # choices of terms, each by the quadratic model at the last minimum
         if not support.any() or is_exhausted():
             break
         free = np.where(support, step.fit.free, 0.0)
         step = _find_least(replace(step.fit, record=record, support=support, free=free))
-        support = step.choose_terms(step.fit, price)
+        support = step.choose_terms(step.fit, penalties)
         if np.array_equal(support, step.fit.support):
             return step
     raise NotConvergedError(Finding.of(Code.NO_TERM))

@@ -101,16 +101,20 @@ def starts_of_terms(start: Start) -> Iterator[tuple[str, WeakFit, float]]:
     """
     rough, problem = rough_fit(start), start.problem
 
-    def fit_support(support: np.ndarray, prices: np.ndarray) -> WeakFit:
-        selection = problem.select_terms(rough.information, rough.right, [support], prices)
+    def fit_support(support: np.ndarray, penalties: np.ndarray) -> WeakFit:
+        selection = problem.select_terms(rough.information, rough.right, [support], penalties)
         free, _ = problem.solve_within_bounds(rough.information, rough.right, selection)
         return replace(rough, free=free, support=selection)
 
     yield "weak form" if rough is start.fit else "weak form of a telling stretch", rough, 1.0
     # factor on the penalties: of six clear lines that did not settle from the weak form, four
     # settled with 16, each with the right terms, and two with four
-    price_factor = 16.0
-    yield "few terms", fit_support(rough.support, price_factor * start.price.least), price_factor
+    penalty_factor = 16.0
+    yield (
+        "few terms",
+        fit_support(rough.support, penalty_factor * start.penalties.least),
+        penalty_factor,
+    )
     low = problem.degrees <= 2
     if not low.all():
-        yield "second degree", fit_support(low, np.where(low, start.price.least, np.inf)), 1.0
+        yield "second degree", fit_support(low, np.where(low, start.penalties.least, np.inf)), 1.0

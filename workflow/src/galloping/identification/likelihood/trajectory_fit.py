@@ -31,7 +31,7 @@ from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.rate_channels import channel_noise
 from galloping.identification.preparation.smoothing import Smooth, stack_channels
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.selection import Price, n_unidentifiable_directions
+from galloping.identification.selection import Penalties, n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
 from galloping.model.polynomial import design_matrix, velocity_pairs
 from galloping.progress_reports import passing
@@ -257,7 +257,7 @@ def _window_states(
 
 
 def join_segments(
-    free_step: Step, price: Price, price_factor: float, has_unseen: bool
+    free_step: Step, penalties: Penalties, penalty_factor: float, has_unseen: bool
 ) -> JoinedFit:
     """Join fitted segments into continuous trajectories by Gauss-Newton, and select the terms.
 
@@ -266,23 +266,23 @@ def join_segments(
     is far from linear in the coefficients, and the apparently best terms mislead. If those of the
     start are the best already, the chains are whole from the first.
 
-    free_step: the last step in free segments. price: of the terms. price_factor: on the prices in
-    the first two passes; half of it, but at least one, in the next two, and so on. has_unseen:
+    free_step: the last step in free segments. penalties: of terms. penalty_factor: on them in the
+    first two passes; half of it, but at least one, in the next two, and so on. has_unseen:
     whether mixtures of terms are undetermined: then many models follow the data alike, an iteration
     that does not converge while terms are chosen never will, and the last model represents the
     others.
     """
     step, count = free_step, len(free_step.fit.starts)
-    best = step.choose_terms(step.fit, price.scale_by(price_factor))
+    best = step.choose_terms(step.fit, penalties.scale_by(penalty_factor))
     # segments in the first chains: with two or eight, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes that choose terms; if all do, fewer settle (identification_parts.csv)
     whole, settled = False, False
     try:
         for iteration in range(choosing if has_unseen else MAX_PASSES):
-            factor = max(price_factor / 2 ** (iteration // 2), 1.0)
+            factor = max(penalty_factor / 2 ** (iteration // 2), 1.0)
             longest = None if whole else chain  # changing chains would never settle
-            of_pass = price.scale_by(factor) if iteration < choosing else None
+            of_pass = penalties.scale_by(factor) if iteration < choosing else None
             step = take_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if factor == 1.0 and not step.fit.support.any():
@@ -308,7 +308,7 @@ def join_segments(
 
 
 def take_step(
-    before: ShootingFit, fit: ShootingFit, longest: float | None, price: Price | None
+    before: ShootingFit, fit: ShootingFit, longest: float | None, penalties: Penalties | None
 ) -> Step:
     """Take a Gauss-Newton step from a fit or, if the fit is bad, from nearer to the one before it.
 
@@ -322,7 +322,7 @@ def take_step(
         raise NotConvergedError(Finding.of(Code.LIMIT_OF_WORK))
 
     def step_from(tried: ShootingFit) -> Step:
-        step = _gauss_newton(tried, longest, price)
+        step = _gauss_newton(tried, longest, penalties)
         if not (step.fit.misfit < CLOSE_MISFIT or step.fit.chi2 < 1.5 * tried.chi2):
             raise FloatingPointError("chi^2 rises")
         return step
@@ -330,8 +330,8 @@ def take_step(
     return shorten_step(step_from, before, fit)
 
 
-def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) -> Step:
-    """Linearise, choose the terms (unless their price is None), move, and re-estimate the noise.
+def _gauss_newton(fit: ShootingFit, longest: float | None, penalties: Penalties | None) -> Step:
+    """Linearise, choose the terms (unless `penalties` is None), move, and re-estimate the noise.
 
     The noise is that of the projections, since coloured noise scatters differently within a window.
     longest: as in `chain_segments`, None to keep the existing chains.
@@ -340,7 +340,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, price: Price | None) 
     if longest is not None:
         record = replace(record, segments=chain_segments(linear, record.segments, longest))
     quadratic = eliminate_chains(linear, record.segments)
-    support = fit.support if price is None else quadratic.choose_terms(fit, price)
+    support = fit.support if penalties is None else quadratic.choose_terms(fit, penalties)
     free, _ = quadratic.best_coefficients(fit, support)
     change = free - fit.free
     starts = quadratic.move_states(change, fit.starts)

@@ -151,7 +151,7 @@ def assess_approximation(
     support: np.ndarray,
     information: np.ndarray,
     covariance: np.ndarray,
-    price: float,
+    penalty: float,
     findings: Iterable[Finding],
     **fitted: Unpack[FitFields],
 ) -> IdentifiedModel:
@@ -161,10 +161,10 @@ def assess_approximation(
     data, which is among the findings.
 
     free: (n,) coefficients, zero outside `support` (n,). information: (n, n) of all coefficients.
-    covariance: (n_support, n_support). price: of a term, in units of chi^2, at which the terms were
-    chosen. fitted: as of `assess_fit`.
+    covariance: (n_support, n_support). penalty: of a term, in units of chi^2, at which the terms
+    were chosen. fitted: as of `assess_fit`.
     """
-    limits = detection_limits(added_deviation(information, support), support, price)
+    limits = detection_limits(added_deviation(information, support), support, penalty)
     return fitted_model(
         problem,
         free,

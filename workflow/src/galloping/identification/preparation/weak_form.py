@@ -19,7 +19,7 @@ from galloping.identification.no_model import IdentificationError
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.identification.problem import Problem, largest_coefficients
-from galloping.identification.selection import Price, solve_support
+from galloping.identification.selection import Penalties, solve_support
 from galloping.identification.work import count_work
 from galloping.model.polynomial import design_matrix, linear_term, term_name
 from galloping.progress_reports import passing
@@ -244,7 +244,7 @@ class Start:
     samples: int
 
     @cached_property
-    def price(self) -> Price:
+    def penalties(self) -> Penalties:
         """Penalty that each candidate term must outweigh in chi^2 to be selected.
 
         Terms are compared with the rates in the equations of the weak fit. The slopes of the curves
@@ -252,7 +252,7 @@ class Start:
         """
         rates = design_matrix(self._values, self.problem.terms)
         rates = rates @ self.problem.coefficients(self.fit.free).T
-        return self.problem.term_prices(
+        return self.problem.term_penalties(
             self.penalty, largest_coefficients(self.problem, self._values, rates)
         )
 

@@ -188,13 +188,13 @@ def _with_chosen_terms(fit: ForcedFit, is_allowed: np.ndarray, noise: np.ndarray
     damping, stiffness = np.array(powers).T
     is_damping = (damping == 1) & (problem.degrees == 1)
     is_cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
-    prices = np.where(setup.required, 0.0, problem.least_prices(setup.penalty))
+    penalties = np.where(setup.required, 0.0, problem.least_penalties(setup.penalty))
     information, right = fit.normal_equations
     coefficients, support = fit.model.coefficients / unit, is_allowed.copy()
     offset = problem.selection_offset(fit.model.coefficients) / unit
     support[is_allowed] = select_support(
         information[np.ix_(is_allowed, is_allowed)], right[is_allowed],
-        [fit.support[is_allowed], np.ones(is_allowed.sum(), bool)], prices[is_allowed],
+        [fit.support[is_allowed], np.ones(is_allowed.sum(), bool)], penalties[is_allowed],
         offset[is_allowed],
     )  # fmt: skip
     is_nonlinear = np.any(support & (problem.degrees > 1))
