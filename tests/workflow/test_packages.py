@@ -203,3 +203,18 @@ def test_what_is_compiled_beforehand_is_all_that_a_first_fit_compiles(tmp_path):
     counts = [line.split()[1:] for line in done.stdout.splitlines()]
     assert len(counts) > 20, done.stdout
     assert all(before == after != "0" for before, after in counts), done.stdout
+
+
+DIGEST = """
+import hashlib, numpy as np, galloping
+line, time = galloping.derive(), np.arange(6000) / 100
+motion = galloping.simulate(line, [0.6, 0.9, 0, 0], time).states
+bound = galloping.cramer_rao_bound(line, [0.6, 0.9, 0, 0], time, [0.1] * 4)
+print(hashlib.sha256(motion.tobytes() + bound.tobytes()).hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_code_that_was_just_compiled_gives_the_bits_of_cached_code(tmp_path):
+    first, again = (run(SCRIPTS, "-c", DIGEST, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2))
+    assert first.returncode == 0 and first.stdout == again.stdout, first.stdout + again.stdout

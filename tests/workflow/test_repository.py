@@ -112,10 +112,8 @@ def test_modules_and_packages_have_names_of_their_own_and_at_most_500_lines_of_c
     assert longer == ["taylor"]  # whose compiled functions numba wants in one file
 
 
-def test_compiled_functions_with_relaxed_arithmetic_have_no_constant_powers():
-    """numba compiles `x ** 2` once in a process, with the options of the function that is compiled
-    first: how a sum of such squares is rounded would depend on what was compiled before.
-    """
+def relaxed_functions():
+    """Functions that numba compiles with relaxed arithmetic, in which sums may be reordered."""
     functions = [
         node
         for path in SOURCE.rglob("*.py")
@@ -123,15 +121,39 @@ def test_compiled_functions_with_relaxed_arithmetic_have_no_constant_powers():
         if isinstance(node, ast.FunctionDef)
         and any("fastmath" in ast.unparse(each) for each in node.decorator_list)
     ]
+    assert functions
+    return functions
+
+
+def test_compiled_functions_with_relaxed_arithmetic_have_no_constant_powers():
+    """numba compiles `x ** 2` once in a process, with the options of the function that is compiled
+    first: how a sum of such squares is rounded would depend on what was compiled before.
+    """
     powers = [
         f"{function.name}: {ast.unparse(node)}"
-        for function in functions
+        for function in relaxed_functions()
         for node in ast.walk(function)
         if isinstance(node, ast.BinOp)
         and isinstance(node.op, ast.Pow)
         and isinstance(node.right, ast.Constant)
     ]
-    assert functions and not powers
+    assert not powers
+
+
+def test_compiled_functions_with_relaxed_arithmetic_are_inlined_where_they_are_called():
+    """Else code from the cache has other last bits than code that was just compiled."""
+    called = {
+        node.func.id
+        for path in SOURCE.rglob("*.py")
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(function, ast.FunctionDef)
+        and any("njit" in ast.unparse(each) for each in function.decorator_list)
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
+    for function in relaxed_functions():
+        options = ast.unparse(function.decorator_list[0])
+        assert function.name not in called or "forceinline=True" in options, function.name
 
 
 HEAVY = {"numpy", "scipy", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}

@@ -249,7 +249,12 @@ def draw_wind(
     return wind_speed(time, mean=line.speed, rng=rng, **gusts) if gusts["intensity"] else None
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+@njit(
+    cache=True,
+    forceinline=True,
+    fastmath={"contract", "reassoc", "nsz", "arcp"},
+    error_model="numpy",
+)
 def _fill_rates(state, speed, line, rate, load):
     """Fill `rate` (4 n,) for `state` in a wind of `speed`; load: (2, n_nodes), working memory."""
     n, nodes = len(line.strain), line.shapes.shape[1]

@@ -185,7 +185,7 @@ def identify_coefficients(products: Products, method: MethodReading) -> np.ndarr
     )
 
 
-@numba.njit(fastmath=FAST_MATH, cache=True)
+@numba.njit(fastmath=FAST_MATH, cache=True, forceinline=True)
 def _fill_rates(x, values, rows, columns, lower, last, monomials, rates):
     """Compute state derivatives of all lanes: x, rates (n_states, LANES), values (terms, LANES)."""
     for j in range(1, len(lower)):

@@ -47,12 +47,16 @@ MAX_PIECES = 64  # largest number of pieces between kinks in an equal step; more
 BINOMIALS = np.array(
     [[comb(n, k) for k in range(PRECISE_ORDER + 1)] for n in range(PRECISE_ORDER + 1)], float
 )
+# numba's options of relaxed arithmetic. A function with such options is inlined if others call it:
+# numba optimises it once in the process that compiles it, and twice in the code that is cached,
+# which then has other last bits.
+RELAXED = {"contract", "reassoc", "nsz", "arcp"}
 
 
 # --- series of one step ---
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath=RELAXED, error_model="numpy")
 def _fill_monomials(k, x, inputs, theta, parent, factor):
     """Fill Taylor coefficients of order k of monomials, from those of signals, into `theta`."""
     n_signals, n_monomials, order = x.shape[1], len(parent), theta.shape[1] - 1
@@ -176,7 +180,7 @@ def _balance_signs(signals, stuck, slides, rate):
     return matrix, right
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath=RELAXED, error_model="numpy")
 def _fill_jets(
     x, inputs, theta, order, h, n_states, parent, factor, rates, rate_values, u, modes, signals
 ):
@@ -209,7 +213,7 @@ def _fill_jets(
                 x[k + 1, i] *= h / (k + 1)
 
 
-@njit(cache=True, fastmath={"contract", "nsz", "arcp"}, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath={"contract", "nsz", "arcp"}, error_model="numpy")
 def _sensitivity_jets(
     s, jac, kind, theta, order, h, jacobian, jacobian_values, columns, weights, modes, signals
 ):
@@ -537,7 +541,7 @@ class Samples(NamedTuple):
 # --- equal steps ---
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+@njit(cache=True, fastmath=RELAXED, error_model="numpy")
 def propagate(
     h, first, starts, functionals, observed, inputs, sensitive, samples,
     predictions, derivatives, ends, end_derivatives, size, truncation,
@@ -758,7 +762,7 @@ def _rescale_series(series, growth):
             series[k, i] *= power
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
 def _evaluate_series(series, places, totals, values):
     """Sum few series (order + 1, n) at parts (m,) of the step into values (m, n).
 
@@ -776,7 +780,7 @@ def _evaluate_series(series, places, totals, values):
             values[r, i] = totals[r]
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
 def _evaluate_once(series, place, values):
     """Sum many series (order + 1, n) at one part of the step into values (n,)."""
     order = len(series) - 1

@@ -36,7 +36,7 @@ def separate_states(rows: np.ndarray, first: np.ndarray, n: int) -> tuple[np.nda
     return first_rows, rows
 
 
-@njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath={"contract", "nsz"}, error_model="numpy")
 def _rotate_rows(rows, first, n, n_states):
     """Rotate rows in place, as of `separate_states`, by Householder's reflections."""
     width = rows.shape[1]
