@@ -127,6 +127,17 @@ def test_damping_that_no_model_follows_is_told_by_its_envelope():
     assert 0.0 < damping.low < damping.high
 
 
+@pytest.mark.parametrize("linear", [0.0, 0.05])
+def test_a_decay_by_drag_into_the_noise_is_no_motion_in_random_forces(linear):
+    time, rng = np.arange(2000) / 10.0, np.random.default_rng(2)
+    motion = moved(lambda _, x: [x[1], -x[0] - (linear + 0.2 * abs(x[1])) * x[1]], (2, 0), time)
+    noise = 0.06 * motion[:, 0].std() * rng.standard_normal(len(time))
+    found = identified(motion[:, 0] + noise, time=time)
+    assert found.status == "approximate" and found.envelope
+    (missing,) = (one for one in found.findings if one.code == Code.TERM_MISSING)
+    assert "|dq| dq" in missing.data["term"]
+
+
 def test_parts_of_a_decay_that_agree_by_chance_have_their_own_errors():
     time = np.arange(1200) / 20.0
     states = moved(

@@ -17,7 +17,11 @@ MAX_PARTS = 12  # most parts of a stretch
 MIN_PERIODS = 2.0  # least length of a part, in periods
 MIN_PART_SAMPLES = 24  # least number of samples in a part
 MIN_CHANGE = 1.5  # least factor by which an amplitude changes over a stretch
-MAX_RISE = 0.05  # largest change of a log amplitude against its trend, from window to window
+# Largest change of a log amplitude against its trend, from window to window, beyond MAX_ERRORS
+# standard errors.
+MAX_RISE = 0.05
+MAX_ERRORS = 4.0
+MIN_FALL = 10.0  # least change of an amplitude over a stretch, in standard errors
 MIN_SIGNAL = 2.0  # least ratio of amplitude to noise at both ends of a part
 
 
@@ -40,7 +44,7 @@ def fit_envelope(
     channel, time, values = in_strongest_channel(stretch, modes, index, [place])
     pole = modes.poles[place]
     period = 2.0 * np.pi / pole.imag
-    centres, sizes = running_amplitude(time, values, pole.imag, period)
+    centres, sizes, _ = running_amplitude(time, values, pole.imag, period)
     signal = np.flatnonzero(sizes > MIN_SIGNAL * modes.noise[index, channel])
     if len(signal) < 2:
         return []
@@ -88,23 +92,27 @@ def in_strongest_channel(
 
 def running_amplitude(
     time: np.ndarray, values: np.ndarray, omega: float, length: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compute the amplitude of an oscillation in overlapping windows of a given length.
 
     The windows are `length` s long and half of that apart. time, values: (n,). omega: frequency,
-    rad/s. Returns the middles of the windows, s, and the amplitudes there, both (n_windows,).
+    rad/s. Returns the middles of the windows, s, the amplitudes there, and their standard errors,
+    each (n_windows,).
     """
     starts = np.arange(time[0], time[-1] - length + 1e-9 * length, length / 2.0)
     waves = np.column_stack([np.cos(omega * time), np.sin(omega * time), np.ones(len(time))])
-    centres, sizes = [], []
+    windows = []
     for start in starts:
         rows = slice(*np.searchsorted(time, (start, start + length)))
-        if rows.stop - rows.start < 6:
+        count = rows.stop - rows.start
+        if count < 6:
             continue
         solved = np.linalg.lstsq(waves[rows], values[rows], rcond=None)[0]
-        centres.append(start + length / 2.0)
-        sizes.append(np.hypot(*solved[:2]))
-    return np.array(centres), np.array(sizes)
+        residual = np.linalg.norm(values[rows] - waves[rows] @ solved)
+        error = residual * np.sqrt(2.0 / count / (count - 3))
+        windows.append((start + length / 2.0, np.hypot(*solved[:2]), error))
+    centres, sizes, errors = np.array(windows).reshape(-1, 3).T
+    return centres, sizes, errors
 
 
 def _part_edges(centres: np.ndarray, logarithms: np.ndarray, least: float) -> list[float]:
@@ -121,19 +129,24 @@ def _part_edges(centres: np.ndarray, logarithms: np.ndarray, least: float) -> li
     return [*edges, end]
 
 
-def falls_or_rises(amplitudes: Sequence[np.ndarray]) -> bool:
+def falls_or_rises(amplitudes: Sequence[tuple[np.ndarray, np.ndarray]]) -> bool:
     """Decide whether the amplitude of an oscillation falls, or rises, throughout its stretches.
 
     It must change by a factor of MIN_CHANGE or more in each, all in the same direction. amplitudes:
-    (n_windows,) for each stretch, in the order of time.
+    values and standard errors, (n_windows,) each, for each stretch, in the order of time.
     """
-    if any(len(sizes) < 3 for sizes in amplitudes):
+    if any(len(sizes) < 3 for sizes, _ in amplitudes):
         return False
-    falls = [np.log(sizes[:-1] / sizes[1:]) for sizes in amplitudes]
-    return any(
+    falls, allowed, are_large = [], [], []
+    for sizes, errors in amplitudes:
+        relative = errors / sizes
+        falls.append(np.log(sizes[:-1] / sizes[1:]))
+        allowed.append(MAX_RISE + MAX_ERRORS * np.hypot(relative[:-1], relative[1:]))
+        are_large.append(abs(sizes[0] - sizes[-1]) > MIN_FALL * np.median(errors))
+    return all(are_large) and any(
         all(
-            np.sum(sign * each) >= np.log(MIN_CHANGE) and np.all(sign * each > -MAX_RISE)
-            for each in falls
+            np.sum(sign * fall) >= np.log(MIN_CHANGE) and np.all(sign * fall > -rise)
+            for fall, rise in zip(falls, allowed, strict=True)
         )
         for sign in (1.0, -1.0)
     )

@@ -241,8 +241,11 @@ def _main_amplitude_changes(stretches: list[Stretch], modes: DampedModes) -> boo
 
 def _running_amplitudes(
     stretches: list[Stretch], modes: DampedModes, places: Sequence[int]
-) -> list[np.ndarray]:
-    """Compute amplitudes of modes of about the same frequency in windows of each stretch."""
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Compute amplitudes of modes of about the same frequency in windows of each stretch.
+
+    Returns values and standard errors, as for `falls_or_rises`.
+    """
     amplitudes, omega = [], modes.poles[places[0]].imag
     longest = max(one.duration for one in stretches)
     for index, stretch in enumerate(stretches):
@@ -250,7 +253,7 @@ def _running_amplitudes(
             continue  # a few periods follow any trend
         _, time, values = in_strongest_channel(stretch, modes, index, places)
         length = max(2.0 * np.pi / omega, stretch.duration / WINDOWS)
-        amplitudes.append(running_amplitude(time, values, omega, length)[1])
+        amplitudes.append(running_amplitude(time, values, omega, length)[1:])
     return amplitudes
 
 
