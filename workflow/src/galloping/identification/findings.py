@@ -58,6 +58,7 @@ class Code(StrEnum):
     FASTER_LEFT_OUT = "faster_left_out"
     INNOVATION_JUMPS = "innovation_jumps"
     TERM_MISSING = "term_missing"
+    DRAG_IMITATED = "drag_imitated"
     FORCE_MISSING = "force_missing"
     KEPT_UP = "kept_up"
     OUTLIVED = "outlived"

@@ -38,6 +38,20 @@ def solve_support(
     return c, covariance
 
 
+def misfit_of_support(
+    information: np.ndarray, right: np.ndarray, origin: np.ndarray, support: np.ndarray
+) -> float:
+    """Compute chi^2, relative to that at `origin`, with the best coefficients of a support.
+
+    information, right: as in `solve_support`, at `origin` (n,). support: (n,) boolean.
+    """
+    removal = np.where(support, 0.0, -origin)
+    residual_gradient = right - information @ removal
+    change, _ = solve_support(information, residual_gradient, support)
+    rise = removal @ information @ removal - 2.0 * right @ removal
+    return float(rise - change @ residual_gradient)
+
+
 @dataclass(frozen=True)
 class Penalties:
     """Penalties of terms: the decrease of chi^2 that each term needs to be selected.

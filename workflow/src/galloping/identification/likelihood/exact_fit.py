@@ -8,7 +8,10 @@ from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.free_run import approximate_free_runs, has_forgotten_start
 from galloping.identification.likelihood.instrument import FORCE_CODES, find_faults
-from galloping.identification.likelihood.missing_terms import find_missing_kind
+from galloping.identification.likelihood.missing_terms import (
+    find_imitated_drag,
+    find_missing_kind,
+)
 from galloping.identification.likelihood.residual_tests import (
     MAX_COLOUR_RATIO,
     ResidualDiagnostics,
@@ -59,6 +62,7 @@ def fit_exact(start: Start) -> IdentifiedModel:
                 raise NoModelError(*doubts)
             approximation = approximate_free_runs(fit, step.information, residual, penalty, doubts)
             return prepend_path(chain_fit.path, approximation)
+        doubts = doubts or find_imitated_drag(fit)
     kept_samples = sum(recording.samples for recording in start.recordings)
     identified = assess_fit(
         problem,

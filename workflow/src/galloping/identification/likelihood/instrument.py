@@ -25,6 +25,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.selection import (
     MIN_INDEPENDENT_SHARE,
     make_tableau,
+    misfit_of_support,
     select_support,
     solve_support,
     whiten,
@@ -256,14 +257,11 @@ def _score_instead_of_terms(
     if not selection[-1]:
         return 0.0
 
-    def penalised_misfit(present: np.ndarray) -> float:
-        removal = np.where(present, 0.0, -origin)
-        residual_gradient = right - information @ removal
-        change, _ = solve_support(information, residual_gradient, present)
-        rise = removal @ information @ removal - 2.0 * right @ removal
-        return float(rise - change @ residual_gradient) + penalties[present].sum()
-
-    return float(np.sqrt(max(penalised_misfit(present_support) - penalised_misfit(selection), 0.0)))
+    misfits = [
+        misfit_of_support(information, right, origin, support) + penalties[support].sum()
+        for support in (present_support, selection)
+    ]
+    return float(np.sqrt(max(misfits[0] - misfits[1], 0.0)))
 
 
 def _test_gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
