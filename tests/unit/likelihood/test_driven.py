@@ -121,6 +121,29 @@ def test_stretches_without_the_input_do_not_count():
     assert found.diagnostics["without_inputs_share"] == pytest.approx(100 / 1601)
 
 
+def test_a_model_is_summarised_where_its_input_was_recorded():
+    force = Input(TIME[20:-8], np.where((TIME > 15.0) & (TIME < 21.0), np.nan, FORCE.values)[20:-8])
+    whole = recorded(DUFFING, {"F": FORCE})
+    recording = replace(whole, inputs={"F": force})
+    found = galloping.maximum_likelihood(recording, CUBIC)
+    summary = galloping.summarise(found, recording)
+    assert summary.found.status == "ok" and summary.held_out
+    assert [part.time[0] for part in summary.recordings] == pytest.approx([1.0, 21.0])
+
+
+def test_drag_is_not_imitated_under_ok():
+    drag = galloping.parse_model("y = dy; dy = -y - 0.2 |dy| dy + 0.5 F", ["F"])
+    cubic = galloping.parse_model("y = dy; dy = -y - 0.1 dy - 0.1 dy^3 + 0.5 F", ["F"])
+    time = np.arange(2000) / 10.0
+    force = np.sin(np.outer(time, [0.9, 0.37, 1.7])) @ [1.0, 1.0, 0.5]
+    told = []
+    for model in (drag, cubic):
+        recording = recorded(model, {"F": Input(time, force)}, time, protocol="displacement")
+        told.append(galloping.maximum_likelihood(recording, CUBIC))
+    assert [one.code for one in told[0].findings] == [Code.DRAG_IMITATED]
+    assert [one.status for one in told] == ["not identifiable", "ok"]
+
+
 def test_no_stretch_with_the_input_is_refused():
     values = np.where(np.arange(1601) % 80 < 60, FORCE.values, np.nan)
     recording = replace(recorded(DUFFING, {"F": FORCE}), inputs={"F": Input(TIME, values)})

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from identification_cases import RELEASE, assert_found, deviations, solution
 
-from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
+from galloping import (
+    Recording,
+    derive,
+    maximum_likelihood,
+    parse_model,
+    polynomial_library,
+    simulate,
+    summarise,
+)
 from galloping.identification.findings import Code
 
 TERMS = polynomial_library(4, 3)
@@ -59,6 +67,26 @@ def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     told = [broken.diagnostics[f"scale_{state}"] for state in ("q_v", "q_w")]
     assert told == pytest.approx([1.15, 1.15], rel=1e-2)
     assert alone.findings[0].subject == "q_v"
+
+
+def test_noise_of_the_accelerometer_shifts_no_scale_and_its_error_is_in_the_coefficients():
+    time, errors = np.arange(1500) / 25.0, []
+    duffing = parse_model("x = dx; dx = -4 x - 0.1 dx - 2 x^3")
+    motion = simulate(duffing, [1.2, 0.0], time).states
+    force = duffing(motion)[:, 1]
+    for seed in range(12):
+        rng, rates = np.random.default_rng(seed), np.full((len(time), 2), np.nan)
+        values = rates.copy()
+        values[:, 0] = 7.3 * (motion[:, 0] + 0.02 * rng.standard_normal(len(time)))
+        rates[:, 1] = force + 0.3 * force.std() * rng.standard_normal(len(time))
+        scaled = Recording(time, ("x", "dx"), values, rates=rates, unknown_scales=[True, False])
+        found = maximum_likelihood(scaled, polynomial_library(2, 3))
+        place = 1, found.model.term_names.index("x^3")
+        errors.append((found.model.coefficients[place] + 2.0) / found.standard_errors[place])
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5 and abs(np.mean(errors)) < 0.9
+    summary = summarise(found, scaled)
+    assert summary.dynamics.kind == "rest"
+    assert np.nanmax(np.abs(summary.recordings[0].values)) == pytest.approx(1.2, rel=0.1)
 
 
 @pytest.mark.parametrize("times", [1000.0, -1.0, 0.3])

@@ -10,7 +10,7 @@ from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import RANGE_SUFFIXES, TERM_FIELDS, IdentifiedModel
 from galloping.identification.problem import MAX_PRIOR_DEVIATION, Problem
 from galloping.model.intervals import QUANTILES_90
-from galloping.model.polynomial import exponent_matrix, has_functions
+from galloping.model.polynomial import exponent_matrix, has_functions, velocity_pairs
 from galloping.recording.samples import Recording
 
 
@@ -146,9 +146,7 @@ def add_input_errors(
         return identified
     samples, kept_samples = (sum(one.samples for one in each) for each in (recordings, stretches))
     diagnostics = {**identified.diagnostics, "without_inputs_share": 1.0 - kept_samples / samples}
-    places = np.argwhere(identified.support)
-    indices = tuple(places.T)
-    added_covariance, sizes = np.zeros((len(places), len(places))), []
+    places, shifts, sizes = np.argwhere(identified.support), [], []
     for k, name in enumerate(names, start=len(identified.model.states)):
         error = max(one.inputs[name].error for one in stretches)
         values = np.concatenate([one.inputs[name](one.time) for one in stretches])
@@ -157,18 +155,56 @@ def add_input_errors(
         ranges = zip(RANGE_SUFFIXES, map(float, ends), strict=True)
         diagnostics |= {f"{name}{end}": value for end, value in ranges}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
-        shift = error * power * identified.model.coefficients[indices]
-        # fixed coefficients have no such error
-        shift[identified.standard_errors[indices] == 0.0] = 0.0
-        added_covariance += np.outer(shift, shift)
+        shifts.append(error * power)
+    findings = find_weakly_determined_input_terms(identified, sizes, diagnostics)
+    wider = _with_common_errors(identified, shifts)
+    return replace(wider, diagnostics=diagnostics).with_findings(*findings)
+
+
+def add_scale_errors(identified: IdentifiedModel) -> IdentifiedModel:
+    """Add the errors of scales that were estimated from rates to standard errors of a model.
+
+    The error of `scale_X` is in the diagnostics. A scale multiplies each coefficient to a power:
+    that of X and dX in the term, less one in the equations of X and dX.
+    """
+    if identified.status == "refused":
+        return identified
+    states, shifts = identified.model.states, []
+    exponents = exponent_matrix(identified.model.terms, len(identified.model.names))
+    places = np.argwhere(identified.support)
+    for k, name in enumerate(states):
+        if f"scale_{name}" in identified.diagnostics:
+            pair = [k, *(v for x, v in velocity_pairs(states).items() if x == k)]
+            power = exponents[places[:, 1]][:, pair].sum(axis=1) - np.isin(places[:, 0], pair)
+            scale, error = (
+                float(identified.diagnostics[each])
+                for each in (f"scale_{name}", f"error_of_scale_{name}")
+            )
+            shifts.append(error / scale * power)
+    return _with_common_errors(identified, shifts) if shifts else identified
+
+
+def _with_common_errors(
+    identified: IdentifiedModel, shifts: Sequence[np.ndarray]
+) -> IdentifiedModel:
+    """Widen the errors of a model by common errors of its coefficients.
+
+    shifts: for each cause, the relative error of each coefficient of the support, (n_support,).
+    Fixed coefficients have none.
+    """
+    indices = tuple(np.argwhere(identified.support).T)
+    coefficients = identified.model.coefficients[indices]
+    coefficients[identified.standard_errors[indices] == 0.0] = 0.0
+    added = np.zeros((len(coefficients), len(coefficients)))
+    for shift in shifts:
+        added += np.outer(shift * coefficients, shift * coefficients)
     wider: dict[str, Any] = {}
     if len(identified.covariance):
-        wider["covariance"] = identified.covariance + added_covariance
+        wider["covariance"] = identified.covariance + added
     for name in ("standard_errors", "unconditional_errors"):
         wider[name] = getattr(identified, name).copy()
-        wider[name][indices] = np.hypot(wider[name][indices], np.sqrt(np.diag(added_covariance)))
-    findings = find_weakly_determined_input_terms(identified, sizes, diagnostics)
-    return replace(identified, diagnostics=diagnostics, **wider).with_findings(*findings)
+        wider[name][indices] = np.hypot(wider[name][indices], np.sqrt(np.diag(added)))
+    return replace(identified, **wider)
 
 
 def find_weakly_determined_input_terms(

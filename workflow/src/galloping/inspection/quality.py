@@ -88,7 +88,7 @@ def inspect_recording(series: "Series", mapping: "ColumnMapping") -> dict:
     moves, rests = moving_samples(time, series.values)
     report["notes"] += write_sentences(rests)
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
-        unit = state_unit(channel.measures)
+        unit = state_unit(channel.measures) if channel.scale == "known" else "1"
         _, is_rate = mapping.target(channel)
         moving = time[moves], values[moves], step, series.rows[moves]  # rest is no fault
         described, problems = _inspect_channel(*moving, unit, is_rate)

@@ -34,8 +34,10 @@ from galloping.behaviour.objections import Identify, with_objections
 from galloping.identification.findings import Finding
 from galloping.identification.free_motion.answer import without_omissions
 from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.preparation.rate_channels import divide_by_scales
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import apply_model_filter
 from galloping.identification.work import limit_work
@@ -347,9 +349,15 @@ def forecast(
 
 
 def _select_used_parts(identified: IdentifiedModel, recordings: object) -> list[Recording]:
-    """Return the parts of recordings that a model was identified from, without filtered motion."""
+    """Return the parts of recordings that a model was identified from, without filtered motion.
+
+    Channels of unknown scale are divided by the scale that was found.
+    """
     recording_list = _check_recordings(identified, recordings)
-    return apply_model_filter(identified, without_omissions(identified, recording_list))
+    if identified.model.inputs:
+        recording_list = segments_with_inputs(recording_list, identified.model.inputs)
+    scaled = divide_by_scales(recording_list, identified.diagnostics)
+    return apply_model_filter(identified, without_omissions(identified, scaled))
 
 
 def _check_recordings(found: object, recordings: object) -> list[Recording]:

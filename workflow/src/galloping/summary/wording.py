@@ -168,6 +168,8 @@ def _growth(condition: "Condition") -> str:
     dampings = [mode.damping for mode in condition.equilibria[0].modes]
     if any(one.value < 0.0 and not one.high > 0.0 for one in dampings):
         return "small motions grow"
+    if any(max(abs(one.low), abs(one.high)) < MIN_DAMPING_RATIO for one in dampings):
+        return "small motions have no linear damping"
     may = any(one.value <= 0.0 or one.low < 0.0 for one in dampings)
     return "small motions may grow" if may else "small motions die out"
 

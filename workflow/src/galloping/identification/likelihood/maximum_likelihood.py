@@ -52,6 +52,7 @@ from galloping.identification.likelihood.weak_constraint import (
 from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.postprocessing import (
     add_input_errors,
+    add_scale_errors,
     check_prior_conflict,
     expand_terms,
     explain_single_state,
@@ -149,7 +150,8 @@ def maximum_likelihood(
         with limit_work(segments) as work:
             identified = work.downgrade_if_cut_short(_search_model(problem, moving, start))
         identified = explain_single_state(map_findings(identified, moving), segments)
-    identified = add_input_errors(check_prior_conflict(problem, identified), recordings, segments)
+    identified = add_scale_errors(check_prior_conflict(problem, identified))
+    identified = add_input_errors(identified, recordings, segments)
     return add_alias_rivals(problem, identified)
 
 

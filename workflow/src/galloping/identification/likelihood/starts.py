@@ -11,7 +11,6 @@ import numpy as np
 
 from galloping.identification.preparation.rate_channels import (
     check_rates,
-    estimate_scales,
     with_scales,
     without_offsets,
 )
@@ -34,17 +33,17 @@ def rescale_start(
     """Estimate unknown scales of channels, and rescale the initial guess by them.
 
     The measured rates are added. share: of `TIME_SCALES`, for this start. Returns the start in
-    these recordings, and the scales by name. Raises IdentificationError if no channel determines a
-    scale or an offset, or a rate has another scale than its state.
+    these recordings, and the scales, as of `estimate_scales`. Raises IdentificationError if no
+    channel determines a scale or an offset, or a rate has another scale than its state.
     """
-    scaled = [with_scales(one, start.period) for one in recordings]
-    if any(one is not other for one, other in zip(recordings, scaled, strict=True)):
+    scaled, scales = with_scales(recordings, start.period)
+    if scales:
         start = make_start(start.problem, scaled, share)
     triples = zip(start.recordings, scaled, start.smoothed, strict=True)
     with_rates = [without_offsets(*each, start.period) for each in triples]
     for one, curves in zip(with_rates, start.smoothed, strict=True):
         check_rates(one, curves)
-    return replace(start, recordings=with_rates), estimate_scales(recordings, scaled)
+    return replace(start, recordings=with_rates), scales
 
 
 def has_free_equilibrium(start: Start) -> bool:

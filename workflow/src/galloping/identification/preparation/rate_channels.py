@@ -4,7 +4,9 @@ A slow difference between such a channel and the smooth curve's slope is an offs
 itself has no slow slope.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -25,6 +27,8 @@ from galloping.identification.preparation.smoothing import (
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
+OVERLAP = 4  # number of test functions that overlap at each time
+
 
 def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the noise standard deviation of each channel, as a first guess.
@@ -37,18 +41,40 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
     return estimate, np.full(len(estimate), np.nan) if known is None else known.ravel()
 
 
-def estimate_scales(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
-    """Return the scales by which `with_scales` divided channels, averaged over recordings.
+def with_scales(
+    recordings: list[Recording], period: float
+) -> tuple[list[Recording], dict[str, float]]:
+    """Divide channels by their unknown scales; return these too, as of `estimate_scales`.
 
-    They are by name, such as `scale_X`. scaled: the results of `with_scales`.
+    Recordings without unknown scales are returned unchanged.
     """
-    scales: dict[str, list[float]] = {}
-    for recording, divided in zip(recordings, scaled, strict=True):
-        for k in _unknown_scales(recording):
-            present = np.nan_to_num(divided.values[:, k]) != 0.0
-            ratio = np.median(recording.values[present, k] / divided.values[present, k])
-            scales.setdefault(f"scale_{recording.states[k]}", []).append(float(ratio))
-    return {name: float(np.mean(values)) for name, values in scales.items()}
+    scales = estimate_scales(recordings, period)
+    if not scales:
+        return recordings, scales
+    divided = divide_by_scales(recordings, scales)
+    return [replace(one, unknown_scales=None) for one in divided], scales
+
+
+def divide_by_scales(
+    recordings: Sequence[Recording], diagnostics: Mapping[str, Any]
+) -> list[Recording]:
+    """Divide channels of recordings by their scales in the diagnostics of a model.
+
+    diagnostics: with numbers such as `scale_X`. Channels without such a number are unchanged.
+    """
+    names = recordings[0].states
+    scales = np.array([float(diagnostics.get(f"scale_{name}", 1.0)) for name in names])
+    return [_divide_values(one, scales) for one in recordings]
+
+
+def _divide_values(recording: Recording, scales: np.ndarray) -> Recording:
+    """Divide the values of each state, and their known noise, by a scale, (n_states,)."""
+    if np.all(scales == 1.0):
+        return recording
+    noise = recording.known_noise
+    if noise is not None:
+        noise = np.stack([noise[0] / np.abs(scales), noise[1]])
+    return replace(recording, values=recording.values / scales, known_noise=noise)
 
 
 def _unknown_scales(recording: Recording) -> list[int]:
@@ -143,31 +169,49 @@ def _scale_limits(slopes: np.ndarray, rates: np.ndarray) -> tuple[float, float]:
     return float(least), float(most)
 
 
-def with_scales(recording: Recording, period: float) -> Recording:
-    """Estimate the unknown scale of each channel by its measured derivative, and divide by it.
+def estimate_scales(recordings: Sequence[Recording], period: float) -> dict[str, float]:
+    """Estimate the unknown scale of each channel by its measured derivative.
 
-    period: s, the shortest of the motion. Raises IdentificationError if no channel determines a
-    scale. A recording without unknown scales is returned unchanged.
+    Returns the scales, such as `scale_X`, and their standard errors, such as `error_of_scale_X`,
+    averaged over recordings. period: s, the shortest of the motion. Raises IdentificationError if
+    no channel determines a scale.
     """
-    unknown = _unknown_scales(recording)
-    if not unknown:
-        return recording
-    pairs, rates = velocity_pairs(recording.states), sampled_rates(recording)
-    values = recording.values.copy()
-    noise = None if recording.known_noise is None else recording.known_noise.copy()
-    for k in unknown:
-        velocity, order = (pairs[k], 2) if k in pairs else (k, 1)
-        of_values, of_rates = _weak_integrals(
-            recording.time, values[:, k], rates[:, velocity], order, period
-        )
-        if len(of_values) < 20:  # 20 integrals determine a scale to a few percent
-            rate = f"d{recording.states[velocity]}"
-            raise IdentificationError(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
-        scale = np.polyfit(of_rates, of_values, 1)[0]  # the constant is the offset of the rate
-        values[:, k] /= scale
-        if noise is not None:
-            noise[0, k] /= abs(scale)
-    return replace(recording, values=values, unknown_scales=None, known_noise=noise)
+    scales: dict[str, list[tuple[float, float]]] = {}
+    for one in recordings:
+        pairs, rates = velocity_pairs(one.states), sampled_rates(one)
+        for k in _unknown_scales(one):
+            velocity, order = (pairs[k], 2) if k in pairs else (k, 1)
+            integrals = _weak_integrals(
+                one.time, one.values[:, k], rates[:, velocity], order, period
+            )
+            if len(integrals[0]) < 20:  # 20 integrals determine a scale to a few percent
+                rate = f"d{one.states[velocity]}"
+                raise IdentificationError(Code.SCALE_UNDETERMINED, one.states[k], rate=rate)
+            scales.setdefault(one.states[k], []).append(_fit_scale(*integrals))
+    diagnostics = {}
+    for name, estimates in scales.items():
+        values, errors = np.array(estimates).T
+        diagnostics[f"scale_{name}"] = float(values.mean())
+        diagnostics[f"error_of_scale_{name}"] = float(np.linalg.norm(errors) / len(errors))
+    return diagnostics
+
+
+def _fit_scale(of_values: np.ndarray, of_rates: np.ndarray) -> tuple[float, float]:
+    """Compute the ratio of integrals of values to those of rates, and its standard error.
+
+    of_values, of_rates: as of `_weak_integrals`. The two integrals of rates are instruments of each
+    other. Neighbouring test functions overlap, and so do their errors (W. K. Newey and K. D. West,
+    1987).
+    """
+    of_values = of_values - of_values.mean()
+    of_rates = of_rates - of_rates.mean(axis=0)  # the offset of the rate
+    products, squares = of_values * of_rates.mean(axis=1), of_rates.prod(axis=1)
+    scale = products.sum() / squares.sum()
+    moments = products - scale * squares
+    variance = moments @ moments
+    for lag in range(1, OVERLAP):
+        variance += 2.0 * (1.0 - lag / OVERLAP) * (moments[lag:] @ moments[:-lag])
+    return float(scale), float(np.sqrt(variance) / squares.sum())
 
 
 def _weak_integrals(
@@ -176,23 +220,25 @@ def _weak_integrals(
     """Integrate values (n,), and their derivative `rates` (n,), against test functions.
 
     Integration by parts moves the derivatives of the values to the test functions, bumps as wide as
-    twice `length`, s, so that both integrals, (n_tests,), differ only in scale, offset and noise.
-    Stretches with gaps are left out.
+    twice `length`, s, so that both integrals differ only in scale, offset and noise. Returns those
+    of values, (n_tests,), and two of rates, (n_tests, 2), with independent noise: of every second
+    sample, and of the others. Stretches with gaps are left out.
     """
     is_known = np.isfinite(values) & np.isfinite(rates)
     time, values, rates = time[is_known], values[is_known], rates[is_known]
     if len(time) < 2:
-        return np.empty(0), np.empty(0)
+        return np.empty(0), np.empty((0, 2))
     step = np.median(np.diff(time))
     test = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives
     shape = test.deriv(order) * (-1.0) ** order / length**order
-    pairs = []
-    for centre in np.arange(time[0] + length, time[-1] - length, length / 2):
+    integrals = []
+    for centre in np.arange(time[0] + length, time[-1] - length, 2.0 * length / OVERLAP):
         window = slice(*first_from(time, (centre - length, centre + length)))
         t = time[window]
         if len(t) > 8 and np.max(np.diff([centre - length, *t, centre + length])) < 2.5 * step:
             u = (t - centre) / length
-            integrands = shape(u) * values[window], test(u) * rates[window]
-            pairs.append([np.trapezoid(one, t) for one in integrands])
-    of_values, of_rates = np.array(pairs).reshape(-1, 2).T
-    return of_values, of_rates
+            of_rates = test(u) * rates[window]
+            halves = [np.trapezoid(of_rates[k::2], t[k::2]) for k in (0, 1)]
+            integrals.append([np.trapezoid(shape(u) * values[window], t), *halves])
+    of_tests = np.array(integrals).reshape(-1, 3)
+    return of_tests[:, 0], of_tests[:, 1:]

@@ -15,7 +15,7 @@ from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
 from galloping.identification.plausible import detection_limits
 from galloping.identification.preparation.channels import Channels
-from galloping.identification.preparation.rate_channels import estimate_scales, with_scales
+from galloping.identification.preparation.rate_channels import with_scales
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.fitting import (
     ForcedFit,
@@ -63,12 +63,12 @@ def fit_in_forces(
     refused. check: raises NoModelError for a fit that is not accepted. It is called with the fit to
     some of the samples, then with the fit to all. Raises one of NO_MODEL_ERRORS if there is none.
     """
-    rescaled = [with_scales(one, period) for one in recordings]
+    rescaled, scales = with_scales(recordings, period)
     trial = _fit_some_samples(problem, rescaled, forced, may_be_slow, n_further)
     check(trial)
     fit = _fit_all_samples(trial, rescaled)
     check(fit)
-    return _assess_fit(fit, trial, period, estimate_scales(recordings, rescaled))
+    return _assess_fit(fit, trial, period, scales)
 
 
 def _fit_some_samples(
