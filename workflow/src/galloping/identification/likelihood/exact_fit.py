@@ -1,6 +1,8 @@
 """Search for the model that follows recordings to their noise, from several initial guesses."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +64,7 @@ def fit_exact(start: Start) -> IdentifiedModel:
                 raise NoModelError(*doubts)
             approximation = approximate_free_runs(fit, step.information, residual, penalty, doubts)
             return prepend_path(chain_fit.path, approximation)
-        doubts = doubts or find_imitated_drag(fit)
+        doubts = doubts or _find_terms(find_imitated_drag, fit)
     kept_samples = sum(recording.samples for recording in start.recordings)
     identified = assess_fit(
         problem,
@@ -169,22 +171,24 @@ def _find_objections(
         excess = float(np.sum(tests.excess / fit.sigma**2))
         faults = [fault for fault in faults if fault.can_explain(excess)]
     is_fault = bool(faults) and not faults[0].or_model
-    causes = _find_missing_kind(fit, penalty) if (misfit or faults) and not is_fault else []
+    causes = (
+        _find_terms(find_missing_kind, fit, penalty) if (misfit or faults) and not is_fault else []
+    )
     causes = causes or [fault.cause for fault in faults[:1]]
     return [*causes, *misfit], is_fault and not misfit
 
 
-def _find_missing_kind(fit: ShootingFit, penalty: float) -> list[Finding]:
-    """Find the kind of term that explains most of the residual; none if the work is exhausted."""
-    kinds = [] if is_exhausted() else attempt(find_missing_kind, fit, penalty)
-    return [] if isinstance(kinds, NoModel) else kinds
+def _find_terms(search: Callable[..., list[Finding]], *fit: Any) -> list[Finding]:
+    """Search for terms that the library lacks; none if it fails, or the work is exhausted."""
+    found = [] if is_exhausted() else attempt(search, *fit)
+    return [] if isinstance(found, NoModel) else found
 
 
 def _find_causes(fit: ShootingFit, penalty: float) -> list[Finding]:
     """Find causes for which no model may follow the whole recording; none without work left."""
     if is_exhausted():
         return []
-    if causes := _find_missing_kind(fit, penalty):
+    if causes := _find_terms(find_missing_kind, fit, penalty):
         return causes
     excess_share = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
     excess = float(np.sum(fit.record.condensed.rows * excess_share))
