@@ -300,9 +300,9 @@ def _quantity_text(quantity: Value, unit: str, factor: float = 1.0) -> str:
 def _damping_cells(damping: Estimate) -> str:
     """Format a net damping that may be zero, with the interval of undetected damping."""
     value, interval = _cells(damping)
-    return (
-        f"{value if abs(damping.value) >= 100.0 * MIN_DAMPING_RATIO else 'none found'} | {interval}"
-    )
+    if abs(damping.value) < 100.0 * MIN_DAMPING_RATIO:
+        return f"none found, in {damping.unit} | {interval}"
+    return f"{value} | {interval}"
 
 
 # --- words ---
