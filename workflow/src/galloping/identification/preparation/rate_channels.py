@@ -6,6 +6,7 @@ itself has no slow slope.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -44,37 +45,42 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
 def with_scales(
     recordings: list[Recording], period: float
 ) -> tuple[list[Recording], dict[str, float]]:
-    """Divide channels by their unknown scales; return these too, as of `estimate_scales`.
+    """Divide channels of unknown scale by the scales that their measured derivatives determine.
 
-    Recordings without unknown scales are returned unchanged.
+    period: s, the shortest of the motion. Returns the recordings, unchanged if no scale is unknown,
+    and the scales, such as `scale_X`, with their standard errors, such as `error_of_scale_X`, as
+    means of the recordings. Raises IdentificationError if no channel determines a scale.
     """
-    scales = estimate_scales(recordings, period)
-    if not scales:
-        return recordings, scales
-    divided = divide_by_scales(recordings, scales)
-    return [replace(one, unknown_scales=None) for one in divided], scales
+    estimates = [_estimate_scales(one, period) for one in recordings]
+    divided, diagnostics = [], {}
+    for one, scales in zip(recordings, estimates, strict=True):
+        scaled = divide_by_scales([one], {name: scale for name, (scale, _) in scales.items()})
+        divided.append(replace(scaled[0], unknown_scales=None) if scales else one)
+    for name in dict.fromkeys(chain.from_iterable(estimates)):
+        values, errors = np.array([each[name] for each in estimates if name in each]).T
+        diagnostics[name] = float(values.mean())
+        diagnostics[f"error_of_{name}"] = float(np.linalg.norm(errors) / len(errors))
+    return divided, diagnostics
 
 
 def divide_by_scales(
     recordings: Sequence[Recording], diagnostics: Mapping[str, Any]
 ) -> list[Recording]:
-    """Divide channels of recordings by their scales in the diagnostics of a model.
+    """Divide channels of recordings, and their known noise, by scales.
 
-    diagnostics: with numbers such as `scale_X`. Channels without such a number are unchanged.
+    diagnostics: of a model, with numbers such as `scale_X`. Channels without one are unchanged.
     """
     names = recordings[0].states
     scales = np.array([float(diagnostics.get(f"scale_{name}", 1.0)) for name in names])
-    return [_divide_values(one, scales) for one in recordings]
-
-
-def _divide_values(recording: Recording, scales: np.ndarray) -> Recording:
-    """Divide the values of each state, and their known noise, by a scale, (n_states,)."""
     if np.all(scales == 1.0):
-        return recording
-    noise = recording.known_noise
-    if noise is not None:
-        noise = np.stack([noise[0] / np.abs(scales), noise[1]])
-    return replace(recording, values=recording.values / scales, known_noise=noise)
+        return list(recordings)
+    divided = []
+    for one in recordings:
+        noise = one.known_noise
+        if noise is not None:
+            noise = np.stack([noise[0] / np.abs(scales), noise[1]])
+        divided.append(replace(one, values=one.values / scales, known_noise=noise))
+    return divided
 
 
 def _unknown_scales(recording: Recording) -> list[int]:
@@ -169,31 +175,21 @@ def _scale_limits(slopes: np.ndarray, rates: np.ndarray) -> tuple[float, float]:
     return float(least), float(most)
 
 
-def estimate_scales(recordings: Sequence[Recording], period: float) -> dict[str, float]:
-    """Estimate the unknown scale of each channel by its measured derivative.
-
-    Returns the scales, such as `scale_X`, and their standard errors, such as `error_of_scale_X`,
-    averaged over recordings. period: s, the shortest of the motion. Raises IdentificationError if
-    no channel determines a scale.
-    """
-    scales: dict[str, list[tuple[float, float]]] = {}
-    for one in recordings:
-        pairs, rates = velocity_pairs(one.states), sampled_rates(one)
-        for k in _unknown_scales(one):
-            velocity, order = (pairs[k], 2) if k in pairs else (k, 1)
-            integrals = _weak_integrals(
-                one.time, one.values[:, k], rates[:, velocity], order, period
-            )
-            if len(integrals[0]) < 20:  # 20 integrals determine a scale to a few percent
-                rate = f"d{one.states[velocity]}"
-                raise IdentificationError(Code.SCALE_UNDETERMINED, one.states[k], rate=rate)
-            scales.setdefault(one.states[k], []).append(_fit_scale(*integrals))
-    diagnostics = {}
-    for name, estimates in scales.items():
-        values, errors = np.array(estimates).T
-        diagnostics[f"scale_{name}"] = float(values.mean())
-        diagnostics[f"error_of_scale_{name}"] = float(np.linalg.norm(errors) / len(errors))
-    return diagnostics
+def _estimate_scales(recording: Recording, period: float) -> dict[str, tuple[float, float]]:
+    """Estimate unknown scales and their standard errors, by names as of `with_scales`."""
+    scales = {}
+    pairs, rates = velocity_pairs(recording.states), sampled_rates(recording)
+    for k in _unknown_scales(recording):
+        velocity, order = (pairs[k], 2) if k in pairs else (k, 1)
+        integrals = _weak_integrals(
+            recording.time, recording.values[:, k], rates[:, velocity], order, period
+        )
+        scale, error = _fit_scale(*integrals) if len(integrals[0]) >= 20 else (0.0, np.inf)
+        if not 4.0 * error < abs(scale):
+            rate = f"d{recording.states[velocity]}"
+            raise IdentificationError(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
+        scales[f"scale_{recording.states[k]}"] = scale, error
+    return scales
 
 
 def _fit_scale(of_values: np.ndarray, of_rates: np.ndarray) -> tuple[float, float]:
@@ -211,7 +207,7 @@ def _fit_scale(of_values: np.ndarray, of_rates: np.ndarray) -> tuple[float, floa
     variance = moments @ moments
     for lag in range(1, OVERLAP):
         variance += 2.0 * (1.0 - lag / OVERLAP) * (moments[lag:] @ moments[:-lag])
-    return float(scale), float(np.sqrt(variance) / squares.sum())
+    return float(scale), float(np.sqrt(variance) / abs(squares.sum()))
 
 
 def _weak_integrals(
