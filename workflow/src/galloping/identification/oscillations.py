@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 # Largest damping ratio of an oscillation. Its amplitude falls to a seventh in a period.
 MAX_DAMPING_RATIO = 0.3
+MIN_MODE_PERIODS = 10  # least periods of a mode in a recording: slower motion is mostly drift
 
 
 @dataclass(frozen=True)

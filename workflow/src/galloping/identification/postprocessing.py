@@ -8,8 +8,8 @@ import numpy as np
 
 from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import RANGE_SUFFIXES, TERM_FIELDS, IdentifiedModel
-from galloping.identification.problem import MAX_PRIOR_DEVIATION, Problem
-from galloping.model.intervals import QUANTILES_90
+from galloping.identification.problem import Problem
+from galloping.model.intervals import MIN_SIGNIFICANCE, QUANTILES_90
 from galloping.model.polynomial import exponent_matrix, has_functions, velocity_pairs
 from galloping.recording.samples import Recording
 
@@ -99,7 +99,7 @@ def expand_terms(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
 def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
     """Add a finding to a model for each coefficient that contradicts its prior or bounds.
 
-    A coefficient does so if recordings alone would put it more than MAX_PRIOR_DEVIATION standard
+    A coefficient does so if recordings alone would put it more than MIN_SIGNIFICANCE standard
     deviations from its prior, or out of its bounds: then the prior is wrong, or the model is.
 
     The estimate is the mean of both, weighted by their precisions. Its distance from the prior mean
@@ -117,7 +117,7 @@ def check_prior_conflict(problem: Problem, identified: IdentifiedModel) -> Ident
             Code.PRIOR_CONTRADICTED, problem.states[i], term=problem.coefficient_name(i, j),
             value=values[i, j], expected=means[i, j], deviation=deviation[i, j],
         )
-        for i, j in np.argwhere(surprise > MAX_PRIOR_DEVIATION)
+        for i, j in np.argwhere(surprise > MIN_SIGNIFICANCE)
     ]  # fmt: skip
     for i, term, least, most in problem.bounds:  # some models are fitted without bounds
         j = problem.terms.index(term)

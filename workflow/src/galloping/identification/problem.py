@@ -29,11 +29,6 @@ if TYPE_CHECKING:
     from galloping.identification.aliases import Alias
 
 
-# Largest distance of a coefficient, estimated from recordings alone, from its prior or its bounds,
-# in standard deviations. It is exceeded by chance once in 16,000 cases.
-MAX_PRIOR_DEVIATION = 4.0
-
-
 @dataclass(frozen=True)
 class Problem:
     """Problem of finding coefficients C in dx/dt = C theta(x, u): states x, inputs u, terms theta.

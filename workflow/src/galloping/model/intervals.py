@@ -8,6 +8,10 @@ from numpy.typing import NDArray
 QUANTILES_90 = (0.05, 0.95)  # ends of a 90 % interval
 QUANTILES_95 = (0.025, 0.975)  # ends of a 95 % interval
 NORMAL_95 = 1.959963984540054  # half width of a 95 % interval, in standard deviations
+# Least significant difference, in standard errors. Chance exceeds it once in 16,000 cases.
+MIN_SIGNIFICANCE = 4.0
+FALSE_ALARM_RATE = 1e-3  # rate of false alarms of a test, by all that it tests together
+ERROR_STEP = 1e-3  # step of finite differences, in standard errors
 MODEL_DRAWS = 39  # number of drawn models: their extremes are then an unbiased 95 % interval
 MIN_INTERVAL_DRAWS = MODEL_DRAWS / 2  # smallest number of drawn models of which an interval is made
 # Smallest |coefficient|, relative to its bound, of terms that the penalty 2 ln N selects reliably.

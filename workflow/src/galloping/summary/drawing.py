@@ -16,7 +16,7 @@ from galloping.behaviour.forecast import Forecast
 from galloping.figures import parts
 from galloping.figures.style import BAND, MODEL_COLOR, PAPER_COLOR, SHADE, TRUE_COLOR
 from galloping.identification.preparation.channels import Channels
-from galloping.identification.random_forces.forced_motion import model_spectra
+from galloping.identification.random_forces.forced_motion import SPECTRUM_SEGMENTS, model_spectra
 from galloping.identification.random_forces.start import place_on_grid
 from galloping.inspection.quality import MIN_REPORTED_GAP, spectrum
 from galloping.readers.units import meaning, plain_unit, state_unit
@@ -32,7 +32,6 @@ ROW_HEIGHT = 1.7  # inches
 MAX_LABEL_LETTERS = 26  # letters of a label along the height of a row
 MAX_TITLED_LABEL_LETTERS = 18  # the same, if panels have titles
 ENVELOPE_POINTS = 1500  # points of an envelope, more than a figure has pixels
-SPECTRUM_SEGMENTS = 6  # segments of a recording whose spectra are averaged
 SPECTRUM_DECADES = 6  # plotted decades of a spectrum
 BAND_EDGE = "#a8741a"  # color of the edges of a band, also visible in grey
 MARK_STYLE: Mapping[str, Any] = {"color": PAPER_COLOR, "lw": 0.8, "ls": ":"}

@@ -18,21 +18,19 @@ from galloping.identification.free_motion.kinds_of_motion import (
     classify_motion,
     without_further_modes,
 )
-from galloping.identification.free_motion.linearity import MIN_SIGNIFICANCE
 from galloping.identification.free_motion.rest import MovingRecordings, moving_recordings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import NoModel, NoModelError, attempt
-from galloping.identification.oscillations import EnvelopePart, FurtherMode
+from galloping.identification.oscillations import MIN_MODE_PERIODS, EnvelopePart, FurtherMode
 from galloping.identification.postprocessing import fitted_model, prepend_path
 from galloping.identification.preparation.smoothing import unmeasured_displacements
 from galloping.identification.problem import Problem
+from galloping.model.intervals import ERROR_STEP, MIN_SIGNIFICANCE
 from galloping.model.polynomial import linear_term, velocity_pairs
 from galloping.recording.samples import Recording
 
 MAX_NOISE = 1.2  # largest ratio of the residuals of a linear model to the stated noise
-MIN_PERIODS = 10.0  # least periods of a reported further mode: slower modes are mostly drift
 FREE_MOTION = "free motion"  # path of a model in `diagnostics`
-STEP = 1e-3  # step of finite differences, in standard errors
 
 
 def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
@@ -124,7 +122,7 @@ def _linear_system_with_covariance(motion: FreeMotion) -> tuple[np.ndarray, np.n
     slopes = np.zeros((len(best), 4 * n * n))
     for k in np.flatnonzero(errors > 0.0):
         step = np.zeros(len(best))
-        step[k] = STEP * errors[k]
+        step[k] = ERROR_STEP * errors[k]
         change = system(best + step) - system(best - step)
         slopes[k] = change.ravel() / (2.0 * step[k])
     return system(best), slopes.T @ covariance @ slopes
@@ -297,7 +295,7 @@ def with_further_modes(identified: IdentifiedModel, motion: FreeMotion) -> Ident
     further = [
         mode
         for mode_index in motion.further_modes
-        if modes.poles[mode_index].imag * longest > 2.0 * np.pi * MIN_PERIODS
+        if modes.poles[mode_index].imag * longest > 2.0 * np.pi * MIN_MODE_PERIODS
         for index in range(len(motion.recordings))
         for mode in _further_modes(motion, index, mode_index)
     ]

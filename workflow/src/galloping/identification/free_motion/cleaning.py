@@ -8,10 +8,12 @@ import numpy as np
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
 from galloping.identification.free_motion.mode_search import MANY_MODES, strongest_mode
 from galloping.identification.no_model import NoModel, attempt
+from galloping.identification.preparation.screening import (
+    MAX_OUTLIERS,
+    MEDIAN_DEVIATION,
+    OUTLIER_THRESHOLD,
+)
 
-# Least residual of an outlier, in robust standard deviations. Noise exceeds it once in 30 million.
-OUTLIER_THRESHOLD = 5.5
-MAX_OUTLIERS = 0.1  # largest share of a channel's samples that is removed as outliers
 # Largest misfit of a sample beside an event without its force, in standard deviations of noise.
 MAX_SAMPLE_MISFIT = 4.5
 MIN_PERIODS = 8.0  # least length of a stretch whose ends are searched for forces, in periods
@@ -31,7 +33,7 @@ def remove_unexplained_samples(
         for c, column in enumerate(residual.T):
             is_known = np.isfinite(column)
             if is_known.any():
-                limit = OUTLIER_THRESHOLD * 1.4826 * np.median(np.abs(column[is_known]))
+                limit = OUTLIER_THRESHOLD * MEDIAN_DEVIATION * np.median(np.abs(column[is_known]))
                 far = is_known & (np.abs(column) > limit)
                 is_isolated = far & ~np.append(far[1:], False) & ~np.append(False, far[:-1])
                 bad[:, c] = is_isolated & (np.count_nonzero(is_isolated) <= MAX_OUTLIERS * len(far))

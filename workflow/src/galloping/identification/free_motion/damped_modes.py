@@ -15,13 +15,11 @@ from numpy.polynomial.legendre import legvander
 
 from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
-from galloping.identification.preparation.smoothing import without_means
+from galloping.identification.preparation.smoothing import MIN_CHANNEL_SAMPLES, without_means
 from galloping.identification.work import count_work
 
 MAX_STEPS = 30  # most Gauss-Newton steps
 MAX_FINAL_STEPS = 4  # most Gauss-Newton steps on samples after a fit to their means
-# Least samples of a channel in a stretch, in addition to one for each parameter of a fit.
-MIN_CHANNEL_SAMPLES = 8
 POLE_TOLERANCE = 1e-3  # largest last step of a pole in a converged fit, in standard errors
 # Relative rounding error: least noise relative to the motion, and least share of information.
 ROUNDING_ERROR = 1e-10

@@ -10,17 +10,15 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
+from galloping.identification.free_motion.mode_search import MIN_PART_SAMPLES, MIN_PERIODS
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.oscillations import EnvelopePart
+from galloping.model.intervals import MIN_SIGNIFICANCE
 
 MAX_PARTS = 12  # most parts of a stretch
-MIN_PERIODS = 2.0  # least length of a part, in periods
-MIN_PART_SAMPLES = 24  # least number of samples in a part
 MIN_CHANGE = 1.5  # least factor by which an amplitude changes over a stretch
-# Largest change of a log amplitude against its trend, from window to window, beyond MAX_ERRORS
-# standard errors.
+# Largest change of a log amplitude against its trend, from window to window, beyond its error.
 MAX_RISE = 0.05
-MAX_ERRORS = 4.0
 MIN_FALL = 10.0  # least change of an amplitude over a stretch, in standard errors
 MIN_SIGNAL = 2.0  # least ratio of amplitude to noise at both ends of a part
 
@@ -141,7 +139,7 @@ def falls_or_rises(amplitudes: Sequence[tuple[np.ndarray, np.ndarray]]) -> bool:
     for sizes, errors in amplitudes:
         relative = errors / sizes
         falls.append(np.log(sizes[:-1] / sizes[1:]))
-        allowed.append(MAX_RISE + MAX_ERRORS * np.hypot(relative[:-1], relative[1:]))
+        allowed.append(MAX_RISE + MIN_SIGNIFICANCE * np.hypot(relative[:-1], relative[1:]))
         are_large.append(abs(sizes[0] - sizes[-1]) > MIN_FALL * np.median(errors))
     return all(are_large) and any(
         all(

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
-from galloping.identification.free_motion.mode_search import FALSE_MODE_RATE, fit_modes
+from galloping.identification.free_motion.mode_search import MIN_PART_SAMPLES, fit_modes
 from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, attempt
+from galloping.model.intervals import FALSE_ALARM_RATE
 
 MAX_EVENTS = 10  # most events in all stretches
 MIN_EXPLAINED_SHARE = 0.25  # least share of the misfit above `floor` that each event explains
 MIN_PERIODS = 3.0  # least time between two events, in periods of the slowest mode
-MIN_EVENT_SAMPLES = 24  # least number of samples between two events
 MAX_TRIAL_TIMES = 2000  # largest number of times of an event in the first search of a stretch
 RIDGE = 1e-12  # term added to the unit diagonal of normal equations, so that they can be solved
 
@@ -86,7 +86,7 @@ def _remove_spurious_events(
             continue
         count = sum(np.count_nonzero(np.isfinite(part.values)) for part in parts)
         freedom = (2 * len(fit.poles) + 2) * parts[0].values.shape[1]
-        if fit.misfit - motion.modes.misfit < chdtri(freedom, FALSE_MODE_RATE / count):
+        if fit.misfit - motion.modes.misfit < chdtri(freedom, FALSE_ALARM_RATE / count):
             motion = MotionBetweenEvents(parts, origins, fit)
     return motion
 
@@ -109,7 +109,7 @@ def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> tuple[
             continue
         gains, freedom = _event_gains(stretch, modes, index, samples)
         peak = int(np.argmax(gains))
-        limit = chdtri(freedom, FALSE_MODE_RATE / len(stretch.time))
+        limit = chdtri(freedom, FALSE_ALARM_RATE / len(stretch.time))
         if gains[peak] > max(limit, most):
             neighbours = np.arange(
                 samples[max(peak - 1, 0)], samples[min(peak + 1, len(samples) - 1)] + 1
@@ -123,7 +123,7 @@ def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     """Find samples before which a stretch may change, each side long enough for a fit."""
     least = MIN_PERIODS * 2.0 * np.pi / poles.imag.min()
     first, last = np.searchsorted(stretch.time, (stretch.time[0] + least, stretch.time[-1] - least))
-    first, last = max(first, MIN_EVENT_SAMPLES), min(last, len(stretch.time) - MIN_EVENT_SAMPLES)
+    first, last = max(first, MIN_PART_SAMPLES), min(last, len(stretch.time) - MIN_PART_SAMPLES)
     if last <= first:
         return np.empty(0, int)
     return np.unique(np.linspace(first, last, min(MAX_TRIAL_TIMES, last - first)).astype(int))

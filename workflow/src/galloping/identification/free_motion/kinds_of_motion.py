@@ -30,6 +30,7 @@ from galloping.identification.free_motion.mode_search import (
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.smoothing import DRIFT_DEGREE, sampled_rates
+from galloping.model.intervals import MIN_SIGNIFICANCE
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
@@ -180,7 +181,7 @@ def _classify_modes(
     if is_linear:
         if (
             abs(modes.poles[own_modes[0]].real)
-            < linearity.MIN_SIGNIFICANCE * modes.growth_errors[own_modes[0]]
+            < MIN_SIGNIFICANCE * modes.growth_errors[own_modes[0]]
         ):
             return None
         pairs = zip(recordings, stretches, strict=True)
@@ -293,7 +294,7 @@ def _describe_event(
     offset = modes.offsets[k] - modes.offsets[k - 1]
     error = np.hypot(modes.offset_errors[k], modes.offset_errors[k - 1])
     with np.errstate(invalid="ignore"):
-        stepped = np.flatnonzero(np.abs(offset) > linearity.MIN_SIGNIFICANCE * error)
+        stepped = np.flatnonzero(np.abs(offset) > MIN_SIGNIFICANCE * error)
     if stepped.size:
         c = int(stepped[np.argmax(np.abs(offset[stepped]) / error[stepped])])
         change = float(offset[c])

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from galloping.identification.free_motion.damped_modes import DampedModes, Stretch, fit_poles
-from galloping.identification.free_motion.mode_search import FALSE_MODE_RATE, is_close, is_part_of
+from galloping.identification.free_motion.mode_search import is_close, is_part_of
+from galloping.model.intervals import FALSE_ALARM_RATE, MIN_SIGNIFICANCE
 
 # Largest change of the log amplitude of a steady oscillation over its length. A damping of 0.02 %
 # of critical causes a larger change.
@@ -27,7 +28,6 @@ MAX_HARMONIC = 5  # highest harmonic of a limit cycle that is searched for
 # Largest damping ratio of a mode that is separate from non-exponential motion, and largest error
 # of this ratio.
 MAX_SEPARATE_DAMPING = 0.1
-MIN_SIGNIFICANCE = 4.0  # least significant value or difference, in standard errors
 
 
 def resolved_modes(stretches: Sequence[Stretch], modes: DampedModes, is_noise: bool) -> list[int]:
@@ -166,7 +166,7 @@ def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
 def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
     """Decide whether damping or frequency of a mode depends on its amplitude."""
     gains, freedom = amplitude_gains(stretches, modes, main)
-    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_MODE_RATE / len(gains)))
+    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains)))
 
 
 def amplitude_gains(

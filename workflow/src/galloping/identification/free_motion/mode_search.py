@@ -11,7 +11,6 @@ import numpy as np
 from scipy.special import gammainccinv
 
 from galloping.identification.free_motion.damped_modes import (
-    MIN_CHANNEL_SAMPLES,
     ROUNDING_ERROR,
     DampedModes,
     Stretch,
@@ -19,8 +18,9 @@ from galloping.identification.free_motion.damped_modes import (
 )
 from galloping.identification.no_model import IdentificationError
 from galloping.identification.oscillations import MAX_DAMPING_RATIO
-from galloping.identification.preparation.smoothing import without_means
+from galloping.identification.preparation.smoothing import MIN_CHANNEL_SAMPLES, without_means
 from galloping.identification.work import count_work
+from galloping.model.intervals import FALSE_ALARM_RATE
 
 MAX_MODES = 8  # most sinusoids of a motion
 # Most sinusoids close to the first one, including it. More of them are not modes, but parts of a
@@ -34,12 +34,11 @@ MANY_MODES = 4  # number of sinusoids from which the unexplained power is limite
 # Largest distance of a harmonic from a multiple of the first frequency, relative to this multiple.
 HARMONIC_DISTANCE = 0.003
 HARMONIC_SPREAD = 1.5  # addition to this distance, in relative spreads of the close frequencies
-# Rate of false modes in noise, over all frequencies and decays of a search.
-FALSE_MODE_RATE = 1e-3
 # Ratio of decay rates of successive windows. A mode between two keeps 97 % of its power.
 WINDOW_RATIO = 2
 MAX_DECAYS = 16  # longest window, in decays by a factor e: only rounding is left at its end
-MIN_PERIODS = 2.0  # least periods of a mode in the longest stretch: slower motion is a drift
+MIN_PERIODS = 2.0  # least periods of a mode in a stretch: slower motion is a drift
+MIN_PART_SAMPLES = 24  # least number of samples in a part of a stretch
 MAX_FREQUENCY = 0.98  # highest frequency of a mode, relative to half the sampling rate
 NOISE_BINS = 129  # number of bins whose median is the noise level of a periodogram
 DRIFT_BINS = 17  # number of these bins at low frequencies, where drifts are steep
@@ -64,7 +63,7 @@ def strongest_mode(
     residuals away from the modes; by default the noise counts as white. excluded: (n,) complex
     poles of a motion that is not exponential, of which the mode must not be a part. band: limits of
     the frequency, rad/s. Returns a first guess of the pole; None if no power of the matched filter,
-    summed over channels and stretches, exceeds a threshold that noise exceeds at FALSE_MODE_RATE.
+    summed over channels and stretches, exceeds a threshold that noise exceeds at FALSE_ALARM_RATE.
     """
     step = min(one.step for one in stretches)
     longest = max(one.duration for one in stretches)
@@ -97,7 +96,7 @@ def strongest_mode(
         return None
     windows = np.concatenate([[0.0], faster, -faster]) / longest
     looks = len(windows) * longest / step / 2.0
-    threshold = float(gammainccinv(len(series), FALSE_MODE_RATE / looks))
+    threshold = float(gammainccinv(len(series), FALSE_ALARM_RATE / looks))
     slowest, fastest = 2.0 * np.pi * MIN_PERIODS / longest, MAX_FREQUENCY * omega[-1]
     is_searched = (omega > max(slowest, band[0])) & (omega < min(fastest, band[1]))
     if excluded is not None:

@@ -27,15 +27,13 @@ MAX_REST = 0.2
 MAX_OSCILLATING_REST = 0.05  # the same for a stretch that itself oscillates
 MIN_WINDOW = 8  # least samples of a window in which the size of a motion is computed
 WINDOW_PERIODS = (1.0, 0.25)  # lengths of the windows before and after a release, in periods
-MIN_PAUSE = 2.0  # least length of a rest between two motions, in periods
-MIN_MOTION = 1.5  # least length of motion without a pause after a release, in periods
-MIN_PERIODS = 1.5  # least length of a stretch of motion, in periods
+MIN_REST = 2.0  # least length of a rest between two motions, or after the last one, in periods
+MIN_MOTION = 1.5  # least length of a motion between two rests, in periods
 MIN_DEPARTURE = 5.0  # distance from rest at which motion begins, in standard deviations of rest
 # Least ratio of samples that show the acceleration of an impact to the expected size of the first
 # period of motion, which is extrapolated from the two periods after it.
 SPIKE_RATIO = 1.25
 MAX_PERIOD_DECAY = 3.0  # largest factor of decay in a period for this extrapolation
-MIN_TAIL = 2.0  # least length of a rest at the end, in periods
 TAIL_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of a possible rest at the end, in order of trial
 MIN_FLOAT = np.finfo(float).tiny  # least positive divisor
 MIN_RESOLUTION_STEPS = 5.0  # least range of a moving sensor, in steps of its resolution
@@ -83,7 +81,7 @@ def moving_parts(time: np.ndarray, values: np.ndarray) -> list[MovingPart]:
         begin = onset + _spike_length(columns[:, onset:end], period)
         part = MovingPart(slice(begin, end), rested_from)
         parts.append(_without_tail(columns, part, period, end, resolution))
-    long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_PERIODS * period]
+    long = [part for part in parts if part.rows.stop - part.rows.start >= MIN_MOTION * period]
     return long or whole
 
 
@@ -249,7 +247,7 @@ def _find_onsets(
             still_from = _rest_begin(deviation, last, least, length)
             least = np.maximum(least, MAX_REST / 2.0 * deviation.max(axis=1))
             rested_from = _rest_begin(deviation, last, least, length)
-            if rested_from and last - still_from < MIN_PAUSE * period:
+            if rested_from and last - still_from < MIN_REST * period:
                 continue  # a node of beats
             rest = slice(rested_from, last + max(length // 2, 4))
             level = deviation[:, last] / np.maximum(following[:, last], MIN_FLOAT)
@@ -299,7 +297,7 @@ def _without_tail(
     begin, stop = part.rows.start, part.rows.stop
     length = max(int(period), MIN_WINDOW)
     samples = columns[:, begin:stop]
-    if samples.shape[1] < (MIN_PERIODS + MIN_TAIL) * length:
+    if samples.shape[1] < (MIN_MOTION + MIN_REST) * length:
         return part
     deviation, _ = _window_deviations(samples, length)
     last = samples[:, -max(length, samples.shape[1] // 20) :].std(axis=1, keepdims=True)
@@ -311,7 +309,7 @@ def _without_tail(
     possible = samples.shape[1] - still_from
     for share in TAIL_SHARES:
         tail = int(share * possible)
-        if tail < MIN_TAIL * length:
+        if tail < MIN_REST * length:
             break
         resolved = samples[
             np.ptp(samples[:, -tail:], axis=1) > MIN_RESOLUTION_STEPS * resolution[:, 0], -tail:

@@ -29,7 +29,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.no_model import NotConvergedError, as_findings
 from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.rate_channels import channel_noise
-from galloping.identification.preparation.smoothing import Smooth, stack_channels
+from galloping.identification.preparation.smoothing import MIN_FREEDOM, Smooth, stack_channels
 from galloping.identification.preparation.weak_form import Start, WeakFit
 from galloping.identification.selection import Penalties, n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
@@ -358,7 +358,6 @@ def update_noise(fit: ShootingFit, squares: np.ndarray) -> ShootingFit:
     """Update noise and chi^2 of a fit by its squared residuals' sums (n_recordings, n_observed)."""
     rows, floor = fit.record.condensed.rows, fit.record.floor
     share = fit.n_parameters / max(int(np.count_nonzero(squares)), 1)
-    # Degrees of freedom are at least a fifth of the rows: many parameters may follow data exactly.
-    # With a tenth or two fifths no answer of `make exam` changes.
-    sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), floor)
+    freedom = np.maximum(rows - share, MIN_FREEDOM * rows + 1.0)
+    sigma = np.maximum(np.sqrt(squares / freedom), floor)
     return replace(fit, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))

@@ -25,7 +25,7 @@ from galloping.identification.plausible import (
     weigh_by_prior,
 )
 from galloping.identification.postprocessing import fitted_model
-from galloping.identification.problem import MAX_PRIOR_DEVIATION, Problem
+from galloping.identification.problem import Problem
 from galloping.identification.selection import (
     Whitened,
     added_deviation,
@@ -34,7 +34,7 @@ from galloping.identification.selection import (
     solve_support,
     whiten,
 )
-from galloping.model.intervals import covariance_root
+from galloping.model.intervals import FALSE_ALARM_RATE, MIN_SIGNIFICANCE, covariance_root
 
 # Largest total weight, under an `ok`, of plausible supports that lack a selected term. At most one
 # in fifty `ok` models then has a false term (docs/identification_parts.csv).
@@ -218,7 +218,7 @@ def find_beyond_bounds(
         excess = abs(value - np.clip(value, lower[k], upper[k]))
         ruled_out[k] = excess > 0.0 and not regression.support[k]
         error = np.sqrt(covariance[with_term[:k].sum(), with_term[:k].sum()])
-        if excess > MAX_PRIOR_DEVIATION * error > 0.0:
+        if excess > MIN_SIGNIFICANCE * error > 0.0:
             contradicted.append(Finding.of(
                 Code.BOUNDS_CONTRADICTED, problem.states[problem.candidates[k, 0]],
                 term=problem.candidate_names([k]), value=value, least=lower[k], most=upper[k],
@@ -270,10 +270,8 @@ def find_open_questions(
     tableau = make_tableau(whitened, plausible.supports[0])
     for count in (1, 2):
         (rises,), _, added = tableau.rises(0, count)
-        # By noise alone a doubt arises once in a thousand for all terms that could be added, and as
-        # often for all pairs. With 0.005, 55 of 1,000 models were doubted only for this, 5 of them
-        # wrong.
-        if len(rises) and -rises.min() > chdtri(count, 0.001 / len(rises)):
+        # With five times this rate, 55 of 1,000 models were doubted only for this, 5 of them wrong.
+        if len(rises) and -rises.min() > chdtri(count, FALSE_ALARM_RATE / len(rises)):
             names = problem.candidate_names(added[np.argmin(rises)])
             questions.append(Finding.of(Code.TERM_PLAUSIBLE, terms=names, chi2=rises.min()))
     return questions

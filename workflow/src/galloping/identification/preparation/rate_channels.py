@@ -16,15 +16,17 @@ from numpy.polynomial.legendre import legvander
 from galloping.arrays import TIME_ROUNDING, first_from
 from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
+from galloping.identification.preparation.screening import MEDIAN_DEVIATION
 from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
-    MIN_CURVE_SAMPLES,
+    MIN_CHANNEL_SAMPLES,
     Smooth,
     distance_to,
     sampled_rates,
     unmeasured_displacements,
     without_stuck_channels,
 )
+from galloping.model.intervals import MIN_SIGNIFICANCE
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
@@ -102,7 +104,7 @@ def _robust_deviation(values: np.ndarray) -> np.ndarray:
     is_known = np.isfinite(values).any(axis=0)
     distance = np.abs(values[:, is_known] - np.nanmedian(values[:, is_known], axis=0))
     deviation = np.full(values.shape[1], np.nan)
-    deviation[is_known] = 1.4826 * np.nanmedian(distance, axis=0)
+    deviation[is_known] = MEDIAN_DEVIATION * np.nanmedian(distance, axis=0)
     return deviation
 
 
@@ -166,7 +168,7 @@ def _scale_limits(slopes: np.ndarray, rates: np.ndarray) -> tuple[float, float]:
     Returns (0, 0) if they are not clearly correlated.
     """
     is_known = np.isfinite(slopes) & np.isfinite(rates)
-    if is_known.sum() < MIN_CURVE_SAMPLES:
+    if is_known.sum() < MIN_CHANNEL_SAMPLES:
         return 0.0, 0.0
     (of_slopes, of_both), (_, of_rates) = np.cov(slopes[is_known], rates[is_known])
     if of_both**2 < 0.25 * of_slopes * of_rates:
@@ -185,7 +187,7 @@ def _estimate_scales(recording: Recording, period: float) -> dict[str, tuple[flo
             recording.time, recording.values[:, k], rates[:, velocity], order, period
         )
         scale, error = _fit_scale(*integrals) if len(integrals[0]) >= 20 else (0.0, np.inf)
-        if not 4.0 * error < abs(scale):
+        if not MIN_SIGNIFICANCE * error < abs(scale):
             rate = f"d{recording.states[velocity]}"
             raise IdentificationError(Code.SCALE_UNDETERMINED, recording.states[k], rate=rate)
         scales[f"scale_{recording.states[k]}"] = scale, error

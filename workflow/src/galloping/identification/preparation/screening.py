@@ -24,6 +24,12 @@ from galloping.identification.work import count_work
 from galloping.progress_reports import passing
 from galloping.recording.samples import Recording
 
+# Standard deviation of Gaussian noise over the median of its absolute values.
+MEDIAN_DEVIATION = 1.4826
+# Least distance of an outlier, in robust standard deviations. Noise exceeds it once in 30 million.
+OUTLIER_THRESHOLD = 5.5
+MAX_OUTLIERS = 0.1  # largest share of a channel's samples that is removed as outliers
+
 
 def prepare_recordings(
     recordings: list[Recording], share: float = 1.0
@@ -90,12 +96,11 @@ def find_saturated_values(values: np.ndarray) -> list[float]:
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
     """Smooth a recording, remove samples far from the smooth curves, and return both.
 
-    Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
-    and well above the accuracy of the curve itself and the resolution of the channel; the curve is
-    fitted again until none is left. The deviation is that of the channel and also that of the
-    samples within some four periods, or an eighth of the recording, as noise may vary with the
-    signal. Raises IdentificationError if more than a tenth of the samples of a channel would be
-    removed.
+    Far is OUTLIER_THRESHOLD robust standard deviations, and well above the accuracy of the curve
+    itself and the resolution of the channel; the curve is fitted again until none is left. The
+    deviation is that of the channel and also that of the samples within some four periods, or an
+    eighth of the recording, as noise may vary with the signal. Raises IdentificationError if more
+    than MAX_OUTLIERS of the samples of a channel would be removed.
     """
     with suppress(IdentificationError):
         return _smooth_without_outliers(recording, period, 4.0 * period)
@@ -118,15 +123,15 @@ def _smooth_without_outliers(
             good = np.isfinite(gap)
             if not good.any():
                 continue
-            limit = 5.5 * np.maximum(1.4826 * np.median(gap[good]), floor[k])
-            far[good, k] = gap[good] > limit
+            usual = np.maximum(MEDIAN_DEVIATION * np.median(gap[good]), floor[k])
+            far[good, k] = gap[good] > OUTLIER_THRESHOLD * usual
             if far[:, k].any():
                 near = _local_median(recording.time[good], gap[good], length)
-                far[good, k] &= gap[good] > 5.5 * 1.4826 * near
+                far[good, k] &= gap[good] > OUTLIER_THRESHOLD * MEDIAN_DEVIATION * near
         if not far.any():
             return recording, smoothed
         recording = replace(recording, values=np.where(far, np.nan, recording.values))
-        too_few = np.isfinite(recording.values).sum(axis=0) < 0.9 * n_given
+        too_few = np.isfinite(recording.values).sum(axis=0) < (1.0 - MAX_OUTLIERS) * n_given
         if too_few.any():
             raise IdentificationError(Code.OUTLIERS, recording.states[np.argmax(too_few)])
         smoothed = smooth(recording, period)

@@ -29,10 +29,13 @@ SPLINE_DEGREE = 5
 MIN_KNOTS_PER_PERIOD = 5
 MIN_SAMPLES_PER_KNOT = 3  # least samples for each knot, to distinguish noise from the curve
 MIN_SIGNAL_RATIO = 20.0  # least power of a signal, relative to the median of its spectrum
-MIN_CURVE_SAMPLES = 8  # least samples of a channel: fewer determine neither curve nor noise
+MIN_CHANNEL_SAMPLES = 8  # least samples of a channel: fewer determine neither curve nor noise
 GRID_PER_PERIOD = 24  # number of grid points in a shortest period: eight for its third harmonic
 # Degree of the polynomial in time of the offset and slow drift of a rate channel in a recording.
 DRIFT_DEGREE = 3
+# Least degrees of freedom of residuals, relative to their number: many parameters may follow data
+# exactly. With a tenth or two fifths no answer of `make exam` changes.
+MIN_FREEDOM = 0.2
 
 
 @cache
@@ -85,7 +88,7 @@ def shortest_period(recordings: list[Recording]) -> float:
         signals = (recording.time, recording.values[:, channel])
         for time, values in zip(*(np.array_split(one, pieces) for one in signals), strict=True):
             good = np.isfinite(values)
-            if good.sum() < MIN_CURVE_SAMPLES:
+            if good.sum() < MIN_CHANNEL_SAMPLES:
                 continue
             grid = np.linspace(time[0], time[-1], min(good.sum(), 2**13))
             signal = _until_settled(np.interp(grid, time[good], values[good]))
@@ -114,7 +117,7 @@ def _until_settled(signal: np.ndarray) -> np.ndarray:
     if not moves or _spectrum(late).any():
         return signal
     settled = int(np.argmax(squares >= 0.99 * squares.max()))
-    return signal[: max(2 * settled, MIN_CURVE_SAMPLES)]
+    return signal[: max(2 * settled, MIN_CHANNEL_SAMPLES)]
 
 
 def _spectrum(signal: np.ndarray) -> np.ndarray:
@@ -172,7 +175,7 @@ def _group_states(
             curves.append([i, velocity])
             derived[velocity] = i
     for i in np.setdiff1d(np.arange(len(counts)), np.concatenate([[], *curves])):
-        if counts[i] < MIN_CURVE_SAMPLES:
+        if counts[i] < MIN_CHANNEL_SAMPLES:
             raise IdentificationError(Code.NOT_MEASURED, recording.states[i])
         curves.append([i])
     return curves, derived
@@ -217,8 +220,7 @@ def _fit_curve(
             curve_there = _evaluate_spline(positions[is_known], coefficients, k, spacing, basis)
             gap = residual[is_known, k] = values[is_known, k] - curve_there
             share = (pieces + SPLINE_DEGREE) / (count > 0).sum()
-            # degrees of freedom are at least a fifth of the samples, as in `trajectory_fit`
-            deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
+            deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, MIN_FREEDOM * count[k]))
             noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
     grid_place = (grid - start) / spacing
     fitted = [_evaluate_spline(grid_place, coefficients, k, spacing, basis) for k in channels]
@@ -345,7 +347,7 @@ def with_integrals(recording: Recording) -> Recording:
     values, rates = recording.values.copy(), sampled_rates(recording)
     for x, v in pairs.items():
         for channel, times in ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2)):
-            if np.isfinite(channel).sum() >= MIN_CURVE_SAMPLES:
+            if np.isfinite(channel).sum() >= MIN_CHANNEL_SAMPLES:
                 values[:, x] = _integrate_channel(recording.time, channel, times)
                 break
     return replace(recording, values=values)

@@ -25,14 +25,12 @@ from galloping.identification.random_forces.whiteness import (
     find_dependence,
 )
 from galloping.identification.work import is_exhausted
+from galloping.model.intervals import ERROR_STEP
 from galloping.model.modes import Modes
 from galloping.progress_reports import passing
 from galloping.recording.samples import inputs_at_times
 
 FIRST_STEP = 1e-5  # first step of finite differences, in the unit of a parameter
-# Later step of finite differences, in standard errors of a parameter. Within one standard error the
-# likelihood is nearly quadratic; a thousandth of it is far above rounding.
-STEP = 1e-3
 # Least expected rise of the log-likelihood with which the iteration continues. A step with less has
 # a squared length below 0.02 in standard deviations, and increases errors by less than a hundredth.
 LIKELIHOOD_TOLERANCE = 1e-2
@@ -251,7 +249,8 @@ def maximise_likelihood(
         passing("fit random forces")
         information, score = fisher_information(slopes), likelihood_score(slopes, run)
         scale = np.diag(information)
-        step = STEP / np.sqrt(scale)
+        # within one error the likelihood is nearly quadratic; the step is far above rounding
+        step = ERROR_STEP / np.sqrt(scale)
         for _ in range(MAX_STEP_TRIALS if is_exact else 1):
             change = np.linalg.solve(information + damping * np.diag(scale), score)
             with np.errstate(all="ignore"):  # a step may be too long

@@ -23,7 +23,7 @@ from galloping.recording.samples import Recording, mean_inputs
 END_PERIODS = 60.0
 SPECTRUM_POINTS = 1500  # number of frequencies of the spectra of a linear model
 MOTIONS = 8  # number of simulated motions over which a nonlinear model's spectra are averaged
-SEGMENTS = 6  # number of segments of each simulated motion
+SPECTRUM_SEGMENTS = 6  # number of segments of a motion whose spectra are averaged
 # Largest mean square of standardised innovations. It is far larger for another line.
 MAX_INNOVATION_SQUARE = 1.5
 
@@ -161,6 +161,7 @@ def model_spectra(
         states = system_model.simulate(begin, steps, rng)
         rates = np.gradient(states[:, list(channels.rates)], step, axis=0)
         samples = np.hstack([states[:, list(channels.values)], rates])
-        frequency, power = welch(samples, 1.0 / step, nperseg=len(samples) // SEGMENTS, axis=0)
+        length = len(samples) // SPECTRUM_SEGMENTS
+        frequency, power = welch(samples, 1.0 / step, nperseg=length, axis=0)
         powers.append(power)
     return frequency[1:], np.mean(powers, axis=0)[1:] + noise

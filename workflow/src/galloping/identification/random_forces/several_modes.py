@@ -14,6 +14,7 @@ from scipy.special import chdtri
 from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.no_model import attempt
+from galloping.identification.oscillations import MIN_MODE_PERIODS
 from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.screening import prepare_recordings
 from galloping.identification.random_forces.low_pass import (
@@ -48,7 +49,6 @@ CLOSE_RATIOS = (1.0, 1.6)  # limits of the next mode's frequency if a filter aff
 OPEN_CUTOFF_RATIO = 3.0
 # Largest share of samples that are left by a filter, if it is used although it keeps all modes.
 MAX_KEPT_SHARE = 0.5
-MIN_MODE_PERIODS = 10  # least periods of a mode in a recording
 MAX_FURTHER_MODES = 3  # most modes of a model beside those of its coordinates
 # Largest damping ratio of a mode that cannot be two that overlap.
 MAX_SINGLE_DAMPING = 0.02

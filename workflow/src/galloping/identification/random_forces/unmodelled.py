@@ -5,9 +5,9 @@ from operator import itemgetter
 import numpy as np
 
 from galloping.identification.findings import Code, Finding
+from galloping.identification.oscillations import MIN_MODE_PERIODS
 from galloping.identification.preparation.channels import Channels
 from galloping.identification.random_forces.several_modes import (
-    MIN_MODE_PERIODS,
     PEAK_WIDTH,
     find_peaks,
     neighbour_slices,

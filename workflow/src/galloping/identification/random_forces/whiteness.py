@@ -8,8 +8,8 @@ from scipy.special import chdtri, fdtri
 
 from galloping.identification.findings import Code, Finding, Severity
 from galloping.identification.random_forces.start import sample_correlations
+from galloping.model.intervals import FALSE_ALARM_RATE
 
-FALSE_ALARM_RATE = 1e-3  # rate of false alarms of each test, for sound recordings
 MAX_LAG_PERIODS = 3.0  # longest tested lag, in slowest periods
 MAX_LAGS = 100  # longest tested lag, in steps
 BINS_PER_GROUP = 16  # number of bins of a spectrum in a group, which is as broad as a missing mode
