@@ -24,12 +24,7 @@ MIN_SIGNAL = 2.0  # least ratio of amplitude to noise at both ends of a part
 
 
 def fit_envelope(
-    stretch: Stretch,
-    modes: DampedModes,
-    index: int,
-    place: int,
-    names: Sequence[str],
-    begin: float,
+    stretch: Stretch, modes: DampedModes, index: int, place: int, names: Sequence[str], begin: float
 ) -> list[EnvelopePart]:
     """Fit growth rate and frequency of a mode in intervals of equal relative amplitude change.
 

@@ -253,9 +253,7 @@ def _fit_fluctuating(fit: StretchFit, penalty: float) -> Approximation:
 
 
 def _iterate_fit(
-    fit: StretchFit,
-    penalty: float | None = None,
-    most_jump: np.ndarray | None = None,
+    fit: StretchFit, penalty: float | None = None, most_jump: np.ndarray | None = None
 ) -> StretchFit:
     """Iterate by Gauss-Newton, and estimate the covariances meanwhile.
 

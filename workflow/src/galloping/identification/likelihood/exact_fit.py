@@ -10,10 +10,7 @@ from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.free_run import approximate_free_runs, has_forgotten_start
 from galloping.identification.likelihood.instrument import FORCE_CODES, find_faults
-from galloping.identification.likelihood.missing_terms import (
-    find_imitated_drag,
-    find_missing_kind,
-)
+from galloping.identification.likelihood.missing_terms import find_imitated_drag, find_missing_kind
 from galloping.identification.likelihood.residual_tests import (
     MAX_COLOUR_RATIO,
     ResidualDiagnostics,

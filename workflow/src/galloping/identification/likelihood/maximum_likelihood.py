@@ -45,10 +45,7 @@ from galloping.identification.likelihood.starts import (
 )
 from galloping.identification.likelihood.trajectory_fit import follows_in_segments, prepare_fit
 from galloping.identification.likelihood.verdict import choose_best, have_same_terms
-from galloping.identification.likelihood.weak_constraint import (
-    MIN_STRETCH_PERIODS,
-    STRETCH_PERIODS,
-)
+from galloping.identification.likelihood.weak_constraint import MIN_STRETCH_PERIODS, STRETCH_PERIODS
 from galloping.identification.no_model import NoModel, NoModelError, attempt
 from galloping.identification.postprocessing import (
     add_input_errors,
