@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, linear_sum_assignment, root
 
 from galloping.arrays import Immutable
-from galloping.behaviour.following import half_ranges, simulator_of
+from galloping.behaviour.following import half_range, ranges_of, simulator_of
 from galloping.cycles.family import constant_family
 from galloping.cycles.limit_cycles import Orbit, find_cycle_from_motion
 from galloping.cycles.prediction import cycle_intervals, find_nearby_cycles
@@ -16,6 +16,7 @@ from galloping.cycles.settling import Pace, estimate_missing_sizes, settle_in_pe
 from galloping.identification.drawn_models import add_higher_degree_effects, draw_models_and_rivals
 from galloping.identification.free_motion.answer import FREE_MOTION
 from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.preparation.smoothing import means_of
 from galloping.model.intervals import NORMAL_95, decay_interval, interval_of_draws
 from galloping.model.polynomial import PolynomialModel, linear_term, velocity_pairs
 from galloping.recording.samples import Recording
@@ -71,19 +72,16 @@ class Surroundings(Immutable):
 
     def sizes(self, model: PolynomialModel) -> NDArray[np.float64]:
         """Return the amplitudes (n_states,), estimated by a model where not measured."""
-        half = np.where(np.isfinite(self.high - self.low), (self.high - self.low) / 2.0, 0.0)
+        half = half_range(self.low, self.high)
         return estimate_missing_sizes(half, model, self.middle, self.rates)
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
         """Determine the mean and the range of each state over several recordings."""
         values = np.concatenate([recording.values for recording in recordings])
-        is_finite = np.isfinite(values)
-        counts = is_finite.sum(axis=0)
-        middle = np.where(is_finite, values, 0.0).sum(axis=0) / np.maximum(counts, 1)
-        low = np.where(counts > 0, np.where(is_finite, values, np.inf).min(axis=0), -np.inf)
-        high = np.where(counts > 0, np.where(is_finite, values, -np.inf).max(axis=0), np.inf)
-        return cls(middle, low, high, half_ranges(each.rates for each in recordings))
+        rates = [each.rates for each in recordings if each.rates is not None]
+        of_rates = half_range(*ranges_of(np.concatenate(rates))) if rates else 0.0
+        return cls(means_of(values), *ranges_of(values), of_rates)
 
     def rest(self, model: PolynomialModel) -> np.ndarray | None:
         """Find an equilibrium of a model inside the recorded range; None if there is none.

@@ -1,6 +1,5 @@
 """Motions of a model as the sensors of a recording see them, and their initial states."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +14,11 @@ from galloping.identification.preparation.smoothing import (
     with_integrals,
     without_drift,
 )
-from galloping.inspection.quality import MIN_DISTINCT_VALUES, find_outliers, find_peaks, spectrum
+from galloping.inspection.quality import (
+    MIN_DISTINCT_VALUES,
+    dominant_frequencies,
+    find_outliers,
+)
 from galloping.model.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording.samples import Input, Recording, inputs_at_times, mean_inputs
 from galloping.trajectory.simulation import Simulator, rates_along
@@ -105,23 +108,24 @@ def _clean_channel(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     if np.count_nonzero(is_finite) < MIN_DISTINCT_VALUES:
         return values
     time, samples = time[is_finite], values[is_finite]
-    frequency, share = spectrum(time, samples, float(np.median(np.diff(time))))
-    are_outliers = find_outliers(time, samples, frequency[find_peaks(share)[1]])
+    dominant = dominant_frequencies(time, samples, float(np.median(np.diff(time))))
+    are_outliers = find_outliers(time, samples, dominant)
     cleaned = values.copy()
     cleaned[is_finite] = np.where(are_outliers, np.nan, samples)
     return cleaned
 
 
-def half_ranges(columns: Iterable[np.ndarray | None]) -> np.ndarray | float:
-    """Compute half ranges, (n_states,), of samples over several recordings; zero without any."""
-    samples = [values for values in columns if values is not None]
-    if not samples:
-        return 0.0
-    values = np.concatenate(samples)
+def ranges_of(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the least and greatest sample of each channel, (n_channels,), unbounded without any."""
     is_finite = np.isfinite(values)
     low = np.where(is_finite, values, np.inf).min(axis=0)
     high = np.where(is_finite, values, -np.inf).max(axis=0)
-    return np.where(is_finite.any(axis=0), (high - low) / 2.0, 0.0)
+    return np.where(low > high, -np.inf, low), np.where(low > high, np.inf, high)
+
+
+def half_range(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Compute half ranges, zero where unbounded."""
+    return np.where(np.isfinite(high - low), (high - low) / 2.0, 0.0)
 
 
 def simulator_of(model: PolynomialModel) -> Simulator:
@@ -173,9 +177,8 @@ class Following:
         is_finite = np.isfinite(recording.values)
         size = np.where(is_finite, np.abs(recording.values), 0.0).max(axis=0)
         steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
-        size = estimate_missing_sizes(
-            size, steady, np.zeros(len(size)), half_ranges([recording.rates])
-        )
+        rates = 0.0 if recording.rates is None else half_range(*ranges_of(recording.rates))
+        size = estimate_missing_sizes(size, steady, np.zeros(len(size)), rates)
         return DIVERGENCE_FACTOR * float(np.linalg.norm(size))
 
     @property

@@ -11,6 +11,7 @@ from galloping.arrays import TIME_ROUNDING, Immutable, first_from, round_down
 from galloping.behaviour.following import Following, Sensed, without_outliers
 from galloping.identification.drawn_models import draw_models
 from galloping.identification.identified_model import IdentifiedModel
+from galloping.identification.preparation.smoothing import deviations_of
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.model.intervals import QUANTILES_90
 from galloping.model.polynomial import PolynomialModel
@@ -230,17 +231,6 @@ def score_forecast(
     by_chance = 1.0 + MAX_NOISE_EXCESS * np.sqrt(2.0 / np.maximum(counts, 1))
     is_noise = deviations_of(measured) < noise * np.sqrt(by_chance)
     return ScoredForecast(ahead, skill, missed, coverage, is_noise, factors)
-
-
-def deviations_of(samples: np.ndarray) -> np.ndarray:
-    """Compute the standard deviation of each column of samples, NaN ignored.
-
-    From (n, n_sensed) to (n_sensed,); zero without samples.
-    """
-    is_finite = np.isfinite(samples)
-    counts = np.maximum(is_finite.sum(axis=0), 1)
-    mean = np.where(is_finite, samples, 0.0).sum(axis=0) / counts
-    return np.sqrt(np.sum(np.where(is_finite, samples - mean, 0.0) ** 2, axis=0) / counts)
 
 
 def with_factors(identified: IdentifiedModel, trial: ScoredForecast) -> IdentifiedModel:

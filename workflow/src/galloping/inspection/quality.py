@@ -256,6 +256,12 @@ def find_peaks(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return around, peaks[np.argsort(-around[peaks])][:4]
 
 
+def dominant_frequencies(time: np.ndarray, values: np.ndarray, step: float) -> np.ndarray:
+    """Find the frequencies, Hz, of the highest peaks of a power spectrum, the highest first."""
+    frequency, share = spectrum(time, values, step)
+    return frequency[find_peaks(share)[1]]
+
+
 def _inspect_channel(
     time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str, is_rate: bool
 ) -> tuple[dict, list[tuple[int, Code, dict]]]:

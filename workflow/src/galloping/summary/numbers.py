@@ -17,7 +17,7 @@ from galloping.identification.findings import Code
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.random_forces.tracking import Forces
 from galloping.inspection.excerpts import excerpts
-from galloping.inspection.quality import find_peaks, spectrum
+from galloping.inspection.quality import dominant_frequencies
 from galloping.model.polynomial import design_matrix, term_name, velocity_pairs
 from galloping.readers.units import coefficient_unit, meaning, plain_unit
 from galloping.recording.samples import Recording, mean_inputs
@@ -322,9 +322,8 @@ def _describe_recorded(
         if parts:
             every = np.concatenate([values for _, values in parts])
             time, longest = max(parts, key=lambda part: len(part[0]))
-            frequency, share = spectrum(time, longest, float(np.median(np.diff(time))))
-            peaks = find_peaks(share)[1]
-            pace = float(frequency[peaks[0]]) if len(peaks) else nan
+            dominant = dominant_frequencies(time, longest, float(np.median(np.diff(time))))
+            pace = float(dominant[0]) if len(dominant) else nan
             ends = float(every.min()), float(every.max())
             what = meaning(name) + " of the first mode" * (name in placed_channels)
             yield RecordedMotion(name, what, *ends, plain_unit(name), pace, cutoff)

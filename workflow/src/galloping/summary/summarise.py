@@ -23,13 +23,7 @@ from galloping.behaviour import forecast as ahead
 from galloping.behaviour.dynamics import Dynamics, Surroundings
 from galloping.behaviour.extrapolation import with_extent, with_extrapolation
 from galloping.behaviour.following import Following, Sensed, check_recordings, without_outliers
-from galloping.behaviour.forecast import (
-    Forecast,
-    ScoredForecast,
-    check_followed,
-    deviations_of,
-    with_factors,
-)
+from galloping.behaviour.forecast import Forecast, ScoredForecast, check_followed, with_factors
 from galloping.behaviour.objections import Identify, with_objections
 from galloping.identification.findings import Finding
 from galloping.identification.free_motion.answer import without_omissions
@@ -38,11 +32,12 @@ from galloping.identification.inputs import segments_with_inputs
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.preparation.rate_channels import divide_by_scales
+from galloping.identification.preparation.smoothing import deviations_of
 from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import apply_model_filter
 from galloping.identification.work import limit_work
 from galloping.inspection.excerpts import identify_excerpts
-from galloping.inspection.quality import MIN_PERIODS, find_peaks, sampled_time, spectrum
+from galloping.inspection.quality import MIN_PERIODS, dominant_frequencies, sampled_time
 from galloping.progress_reports import part, passing
 from galloping.readers.units import EMPTY_MAPPING
 from galloping.recording.samples import Input, Recording, typical_inputs
@@ -381,10 +376,8 @@ def longest_period(recordings: Sequence[Recording]) -> float:
         for channel in Sensed.by(recording).samples(recording).T:
             is_finite = np.isfinite(channel)
             if np.count_nonzero(is_finite) > 1:
-                frequency, share = spectrum(
-                    recording.time[is_finite], channel[is_finite], recording.step
-                )
-                dominant = frequency[find_peaks(share)[1]]
+                samples = recording.time[is_finite], channel[is_finite]
+                dominant = dominant_frequencies(*samples, recording.step)
                 frequencies += [f for f in dominant if f >= least][:1] or list(dominant[:1])
     return 1.0 / min(frequencies) if frequencies else np.inf
 

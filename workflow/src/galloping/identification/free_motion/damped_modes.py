@@ -15,7 +15,7 @@ from numpy.polynomial.legendre import legvander
 
 from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError, NoModel, attempt
-from galloping.identification.preparation.smoothing import MIN_CHANNEL_SAMPLES, without_means
+from galloping.identification.preparation.smoothing import MIN_CHANNEL_SAMPLES, deviations_of
 from galloping.identification.work import count_work
 
 MAX_STEPS = 30  # most Gauss-Newton steps
@@ -52,9 +52,7 @@ class Stretch:
     @cached_property
     def sizes(self) -> np.ndarray:
         """Standard deviation of each channel, (n_channels,), zero without samples."""
-        known = np.isfinite(self.values)
-        squares = np.where(known, without_means(self.values), 0.0) ** 2
-        return np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+        return deviations_of(self.values)
 
 
 @dataclass(frozen=True)

@@ -358,11 +358,22 @@ def without_stuck_channels(values: np.ndarray) -> np.ndarray:
     return np.where(np.fmax.reduce(values) > np.fmin.reduce(values), values, np.nan)
 
 
+def means_of(values: np.ndarray) -> np.ndarray:
+    """Compute the mean of each channel, (n_channels,), zero without samples."""
+    is_known = np.isfinite(values)
+    return np.where(is_known, values, 0.0).sum(axis=0) / np.maximum(is_known.sum(axis=0), 1)
+
+
 def without_means(values: np.ndarray) -> np.ndarray:
     """Subtract its mean from each channel, (n, n_channels), NaN where missing."""
+    return values - means_of(values)
+
+
+def deviations_of(values: np.ndarray) -> np.ndarray:
+    """Compute the standard deviation of each channel, (n_channels,), zero without samples."""
     is_known = np.isfinite(values)
-    count = np.maximum(is_known.sum(axis=0), 1)
-    return values - np.where(is_known, values, 0.0).sum(axis=0) / count
+    squares = np.where(is_known, without_means(values), 0.0) ** 2
+    return np.sqrt(squares.sum(axis=0) / np.maximum(is_known.sum(axis=0), 1))
 
 
 def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
