@@ -61,7 +61,7 @@ def with_extrapolation(
     if not (degree and is_judged and velocity_pairs(model.states) and len(identified.covariance)):
         return identified
     means = typical_inputs(model.inputs, recordings)
-    steady = model.at(means) if means else model
+    steady = model.at(means)
     around = Surroundings.of(recordings)
     if identified.is_forced or (rest := around.rest(steady)) is None:
         return identified
@@ -83,7 +83,7 @@ def with_extrapolation(
     if len(solved) < len(results):
         return identified
     drawn = draw_models_and_rivals(identified, np.random.default_rng(0))
-    models = [steady, *(each.at(means) if means else each for each in drawn)]
+    models = [steady, *(each.at(means) for each in drawn)]
     states = np.concatenate([states for *_, states in solved])
     shares = np.max([_compare_nonlinear(each, rest, states) for each in models], axis=0)
     gram, squares, count = (sum(each) for each in list(zip(*solved, strict=True))[:3])
@@ -205,7 +205,7 @@ class _Regression:
         motion = follow.motion(model, start, time)
         if not np.isfinite(motion).all():
             raise FloatingPointError("the model diverges over the recording")
-        steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
+        steady = model.at(mean_inputs(model.inputs, [recording]))
         fast = Pace.of(steady, self.rest).fast
         length = max(round_down(fast / SAMPLES_PER_PERIOD / recording.step), 1)
         blocks = len(time) // length

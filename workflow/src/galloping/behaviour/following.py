@@ -176,7 +176,7 @@ class Following:
         model, recording = self.identified.model, self.recording
         is_finite = np.isfinite(recording.values)
         size = np.where(is_finite, np.abs(recording.values), 0.0).max(axis=0)
-        steady = model.at(mean_inputs(model.inputs, [recording])) if model.inputs else model
+        steady = model.at(mean_inputs(model.inputs, [recording]))
         rates = 0.0 if recording.rates is None else half_range(*ranges_of(recording.rates))
         size = estimate_missing_sizes(size, steady, np.zeros(len(size)), rates)
         return DIVERGENCE_FACTOR * float(np.linalg.norm(size))

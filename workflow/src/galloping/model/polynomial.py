@@ -369,6 +369,8 @@ class PolynomialModel(Immutable):
         ValueError
             For an unknown input, or a value at which a term is not finite.
         """
+        if not values:
+            return self
         terms, merge = merge_inputs(self, values)
         inputs = tuple(name for name in self.inputs if name not in values)
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)

@@ -402,8 +402,8 @@ def _list_absent(
     units: of inputs, by name.
     """
     model = identified.model
-    means = mean_inputs(model.inputs, recordings)
-    steady, surroundings = model.at(means) if means else model, Surroundings.of(recordings)
+    steady = model.at(mean_inputs(model.inputs, recordings))
+    surroundings = Surroundings.of(recordings)
     sizes, time = surroundings.sizes(steady), Pace.of(steady, surroundings.middle).slow / (2.0 * pi)
     signals = [*sizes, *(_root_mean_square(name, recordings) for name in model.inputs)]
     largest = np.abs(design_matrix(np.array([signals]), model.terms)[0])

@@ -288,7 +288,7 @@ def _compute_dynamics(
     properties = of_line.dynamics(
         identified.at(inputs) if inputs else identified, surroundings, rng
     )
-    return replace(properties, at=inputs) if properties and inputs else properties
+    return replace(properties, at=inputs) if properties else None
 
 
 @one_thread

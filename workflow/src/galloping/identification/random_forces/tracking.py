@@ -136,7 +136,7 @@ class StateSpaceModel:
     @cached_property
     def steady(self) -> PolynomialModel:
         """The equations of motion with all inputs fixed at their means."""
-        return self.model.at(self.input_means) if self.input_means else self.model
+        return self.model.at(self.input_means)
 
     @cached_property
     def system(self) -> np.ndarray:
