@@ -1,5 +1,7 @@
 """Weighted linear least squares for exact states with noisy derivatives, by equation."""
 
+from typing import Any
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -9,12 +11,7 @@ from galloping.identification.likelihood.approximate_fit import prior_covariance
 from galloping.identification.likelihood.condense import TRUNCATION_ERROR
 from galloping.identification.likelihood.free_run import sandwich_covariance
 from galloping.identification.likelihood.residual_tests import FALSE_OBJECTION_RATE
-from galloping.identification.likelihood.verdict import (
-    FitFields,
-    Regression,
-    assess_approximation,
-    assess_fit,
-)
+from galloping.identification.likelihood.verdict import Regression, assess_approximation, assess_fit
 from galloping.identification.postprocessing import refused_model
 from galloping.identification.problem import Problem, largest_coefficients
 from galloping.model.polynomial import design_matrix
@@ -73,7 +70,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     free, covariance = problem.solve_within_bounds(information, right, support)
     of_data, right_of_data = map(np.subtract, (information, right), problem.prior_equations())
     misfit = squares + float(free @ (of_data @ free - 2.0 * right_of_data))
-    fit_fields: FitFields = {
+    fit_fields: dict[str, Any] = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,
         "chi2": misfit / max(count - int(support.sum()), 1),

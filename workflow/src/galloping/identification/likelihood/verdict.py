@@ -4,10 +4,10 @@ The status of a model follows from all its findings (`findings.status_of`). Othe
 findings on the recordings, the residuals and the model's behaviour.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -15,7 +15,6 @@ from scipy.special import chdtri
 from galloping.identification.findings import Code, Finding, as_warnings
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.likelihood.repetition import FollowedRecording, is_periodic
-from galloping.identification.oscillations import FurtherMode
 from galloping.identification.plausible import (
     MISS_RATE,
     Plausible,
@@ -71,23 +70,13 @@ class Regression:
     origin: np.ndarray | float = 0.0
 
 
-class FitFields(TypedDict, total=False):
-    """Fields of an `IdentifiedModel` that a fit provides: initial states, noise, chi^2."""
-
-    initial_states: np.ndarray
-    sigma: np.ndarray
-    chi2: float
-    diagnostics: Mapping[str, float | str]
-    further_modes: tuple[FurtherMode, ...]
-
-
 def assess_fit(
     problem: Problem,
     regression: Regression,
     doubts: Sequence[Finding] = (),
     followed: Sequence[FollowedRecording] = (),
     period: float = np.inf,
-    **fitted: Unpack[FitFields],
+    **fitted: Any,
 ) -> IdentifiedModel:
     """Turn a reliable fit into an `IdentifiedModel` with the status `ok` or `not identifiable`.
 
@@ -153,7 +142,7 @@ def assess_approximation(
     covariance: np.ndarray,
     penalty: float,
     findings: Iterable[Finding],
-    **fitted: Unpack[FitFields],
+    **fitted: Any,
 ) -> IdentifiedModel:
     """Turn an approximate fit into an `IdentifiedModel` with the status `approximate`.
 
