@@ -59,19 +59,15 @@ def checked_recordings(recordings: object) -> list[Recording]:
             )
     if (samples := sum(len(recording.time) for recording in recordings)) < MIN_SAMPLES:
         raise ValueError(f"recordings: {samples} samples are fewer than the {MIN_SAMPLES} needed")
-    if shared := find_shared_rows([_all_samples(recording) for recording in recordings]):
+    channels = ((one.values, one.rates) for one in recordings)
+    whole = [x if dx is None else np.hstack([x, dx]) for x, dx in channels]
+    if shared := find_shared_rows(whole):
         first, second, row = shared
         raise ValueError(
             f"recordings: item {second} repeats samples of item {first} from its sample {row} on; "
             "must contain each sample once"
         )
     return list(recordings)
-
-
-def _all_samples(recording: Recording) -> np.ndarray:
-    return np.column_stack(
-        [each for each in (recording.values, recording.rates) if each is not None]
-    )
 
 
 def validated_problem(

@@ -17,7 +17,6 @@ from galloping.identification.inputs import validated_problem
 from galloping.identification.preparation.interpolation import (
     choose_interpolants,
     with_interpolants,
-    with_interpolation,
 )
 from galloping.identification.prior_knowledge import PRIOR, as_coefficients
 from galloping.identification.work import limit_work
@@ -79,15 +78,7 @@ class Field:
                         f"input {one['name']} is {INTERPOLATION_WORDS[one['between']]} between its "
                         "samples, as the motion shows"
                     )
-        series = tuple(
-            replace(
-                one,
-                inputs={
-                    n: with_interpolation(i, kinds.get(n, i.between)) for n, i in one.inputs.items()
-                },
-            )
-            for one in self.series
-        )
+        series = tuple(with_interpolants(one, kinds) for one in self.series)
         recordings = tuple(with_interpolants(one, kinds) for one in self.recordings)
         return replace(self, series=series, recordings=recordings, reports=reports)
 
@@ -270,7 +261,7 @@ def check_inputs_informative(
 
 
 def write_outputs(
-    folder: Path, field: Field, summary: Summary, beside: tuple[str, Dynamics | None] | None = None
+    folder: Path, field: Field, summary: Summary, beside: tuple[str, Dynamics | None] | None
 ) -> None:
     """Write the model, its tables, the data-quality reports and the summary to a folder.
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.model.polynomial import term_name
-from galloping.readers.units import EMPTY_MAPPING, coefficient_unit
+from galloping.readers.units import coefficient_unit
 
 if TYPE_CHECKING:
     from galloping.behaviour.forecast import Forecast
@@ -18,7 +18,7 @@ MODEL_COLUMNS = {  # units by column
 }  # fmt: skip
 
 
-def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = EMPTY_MAPPING) -> list[dict]:
+def model_rows(identified: IdentifiedModel, units: Mapping[str, str]) -> list[dict]:
     """Make the rows of model.csv: one for each term with a coefficient or a detection limit.
 
     An equation is named by the state whose derivative it gives, a term as by pysindy. units: of

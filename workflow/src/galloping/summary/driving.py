@@ -14,7 +14,7 @@ from galloping.readers.file_table import read_table
 from galloping.readers.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.readers.proposal import PROPOSAL_ROWS, find_clock
 from galloping.readers.series import read_series
-from galloping.readers.units import EMPTY_MAPPING, UnitError, factor
+from galloping.readers.units import UnitError, factor
 from galloping.recording.samples import Input
 
 if TYPE_CHECKING:
@@ -32,9 +32,9 @@ def read_model_inputs(
     names: Sequence[str],
     at: Sequence[str],
     path: str | None,
-    time: str | None = None,
-    kinds: Mapping[str, str] = EMPTY_MAPPING,
-    units: Mapping[str, str] = EMPTY_MAPPING,
+    time: str | None,
+    kinds: Mapping[str, str],
+    units: Mapping[str, str],
 ) -> dict[str, Input | float]:
     """Collect the inputs that drive a model: constants from option texts, others from a file.
 

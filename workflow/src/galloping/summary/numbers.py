@@ -45,7 +45,7 @@ class Estimate:
     unit: str = ""
 
     @classmethod
-    def from_value(cls, value: Value, unit: str = "", factor: float = 1.0) -> Self:
+    def from_value(cls, value: Value, unit: str, factor: float = 1.0) -> Self:
         """Make an estimate from a value with its interval, times a factor that may be negative."""
         ends = factor * value.low, factor * value.high
         return cls(factor * value.value, min(ends), max(ends), unit)

@@ -52,7 +52,7 @@ COLOUR_RATIO = 1.6
 def strongest_mode(
     stretches: Sequence[Stretch],
     residuals: Sequence[np.ndarray],
-    poles: np.ndarray | None = None,
+    poles: np.ndarray | None,
     excluded: np.ndarray | None = None,
     band: tuple[float, float] = (0.0, np.inf),
 ) -> complex | None:
@@ -60,7 +60,7 @@ def strongest_mode(
 
     residuals: (n, n_channels) for each stretch, NaN where missing. poles: (n,) complex, of
     subtracted modes, the strongest first. With these, the noise spectrum is estimated from the
-    residuals away from the modes; by default the noise counts as white. excluded: (n,) complex
+    residuals away from the modes; with None the noise counts as white. excluded: (n,) complex
     poles of a motion that is not exponential, of which the mode must not be a part. band: limits of
     the frequency, rad/s. Returns a first guess of the pole; None if no power of the matched filter,
     summed over channels and stretches, exceeds a threshold that noise exceeds at FALSE_ALARM_RATE.

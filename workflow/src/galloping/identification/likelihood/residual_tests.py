@@ -89,7 +89,7 @@ def diagnose_residuals(
     residual: np.ndarray,
     parameters: int,
     period: float,
-    recordings: Sequence[Recording] = (),
+    recordings: Sequence[Recording],
 ) -> ResidualDiagnostics:
     """Test the residuals of a fit for whiteness and for their size against the noise.
 
@@ -130,7 +130,7 @@ def diagnose_residuals(
     tested = residual.shape[1] * int(condensed.first[-1]) / 2.0
     line_allowed = m * ((FALSE_OBJECTION_RATE / tested) ** (-1.0 / m) - 1.0)
     line, frequency, channel, cycles, r = max(lines, key=lambda line: line[0])
-    if recordings and line > line_allowed:
+    if line > line_allowed:
         one = recordings[r]
         samples = sampled_rates(one) if condensed.channels.is_rate[channel] else one.values
         values = samples[:, condensed.channels.observed[channel]]

@@ -8,6 +8,7 @@ decides, with all candidate terms, so that no nearly correct model is needed.
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -29,6 +30,9 @@ MIN_MISFIT_FALL = 1.0 / 3.0
 # samples, over its whole variance (1.5 if the samples are independent), and over its mean square.
 MIN_UNPREDICTED_SHARE, MIN_UNPREDICTED_SQUARE = 0.1, 1e-4
 STEP_DIVISIONS = 8  # number of fine steps in a step of the grid; inputs are averaged over each
+
+
+HasInputs = TypeVar("HasInputs", bound=Any)
 
 
 def choose_interpolants(problem: Problem, recordings: Sequence[Recording]) -> dict[str, str]:
@@ -118,8 +122,8 @@ def with_interpolation(given: Input, kind: str) -> Input:
     return replace(interpolated.get(kind, given), alternatives=())
 
 
-def with_interpolants(recording: Recording, kinds: Mapping[str, str]) -> Recording:
-    """Return a recording whose inputs have the given interpolations, by input name."""
+def with_interpolants(recording: HasInputs, kinds: Mapping[str, str]) -> HasInputs:
+    """Return a recording, or what else has `inputs`, with other interpolations, by input name."""
     inputs = {
         name: with_interpolation(one, kinds[name]) if name in kinds else one
         for name, one in recording.inputs.items()
