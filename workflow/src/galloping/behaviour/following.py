@@ -9,10 +9,10 @@ from galloping.cycles.settling import estimate_missing_sizes
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import checked_recordings
 from galloping.identification.preparation.smoothing import (
+    rate_without_offset,
     shortest_period,
     unmeasured_displacements,
     with_integrals,
-    without_drift,
 )
 from galloping.inspection.quality import (
     MIN_DISTINCT_VALUES,
@@ -64,15 +64,8 @@ class Sensed:
 
         Shape (n, n_sensed). Rates are without their unknown offsets.
         """
-        if recording.rates is None:
-            return recording.values
-        columns = [recording.values]
-        for k in self.rates:
-            rate = recording.rates[:, k]
-            if recording.unknown_offsets is not None and recording.unknown_offsets[k]:
-                rate = without_drift(recording.time, rate)
-            columns.append(rate[:, np.newaxis])
-        return np.hstack(columns)
+        rates = [rate_without_offset(recording, k) for k in self.rates]
+        return np.column_stack([recording.values, *rates])
 
 
 def check_recordings(model: PolynomialModel, recordings: object) -> list[Recording]:

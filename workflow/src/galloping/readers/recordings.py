@@ -4,6 +4,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.identification.inputs import MIN_SAMPLES
+from galloping.identification.preparation.smoothing import stack_channels
 from galloping.model.polynomial import velocity_pairs
 from galloping.readers.mapping import Channel, ColumnMapping
 from galloping.readers.series import Series
@@ -59,9 +60,7 @@ def split_recording(recording: Recording, period: float) -> list[Recording]:
     MIN_SAMPLES samples or shorter than MIN_PART_PERIODS are left out, unless no part is longer and
     the inputs are known throughout. Raises ValueError if no part is left.
     """
-    is_measured = np.any(np.isfinite(recording.values), axis=1)
-    if recording.rates is not None:
-        is_measured = is_measured | np.any(np.isfinite(recording.rates), axis=1)
+    is_measured = np.isfinite(stack_channels(recording)).any(axis=1)
     driven = np.full(len(recording.time), True)
     for driving in recording.inputs.values():
         driven = driven & driving.covered(recording.time)

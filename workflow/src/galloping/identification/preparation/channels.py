@@ -8,7 +8,7 @@ import numpy as np
 
 from galloping.identification.findings import Code
 from galloping.identification.no_model import IdentificationError
-from galloping.identification.preparation.smoothing import sampled_rates, without_drift
+from galloping.identification.preparation.smoothing import rate_without_offset
 from galloping.model.polynomial import velocity_pairs
 from galloping.recording.samples import Recording
 
@@ -80,10 +80,7 @@ class Channels:
         steps = np.diff(recording.time, prepend=-np.inf)
         is_after_gap = self.averaged & (steps > MAX_STEP_RATIO * np.median(steps))
         for i in self.rates:
-            rate = sampled_rates(recording)[:, i]
-            if recording.unknown_offsets is not None and recording.unknown_offsets[i]:
-                rate = without_drift(recording.time, rate)
-            columns.append(np.where(is_after_gap, np.nan, rate))
+            columns.append(np.where(is_after_gap, np.nan, rate_without_offset(recording, i)))
         return np.array(columns).T
 
     def noise_by_state(self, noise: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:

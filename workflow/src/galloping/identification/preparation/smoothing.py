@@ -392,6 +392,13 @@ def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     )
 
 
+def rate_without_offset(recording: Recording, state: int) -> np.ndarray:
+    """Return the measured rates of a state, (n,), without their offset if that is unknown."""
+    rates, offsets = sampled_rates(recording)[:, state], recording.unknown_offsets
+    has_offset = offsets is not None and offsets[state]
+    return without_drift(recording.time, rates) if has_offset else rates
+
+
 def _integrate_channel(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
     """Integrate values over time, `times` times, without what is slower than the motion.
 
