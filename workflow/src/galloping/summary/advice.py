@@ -59,7 +59,8 @@ def list_advice(summary: "Summary", reports: Sequence[dict]) -> list[str]:
                      "not show the wind speed from which the line gallops")  # fmt: skip
     if identified.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
-    if span and _has_both_directions(reports):
+    measured = {one["measures"][-1] for report in reports for one in report["channels"].values()}
+    if span and {"v", "w"} <= measured:
         helps = [each.replace("; " + HELPS["directions"], "") for each in helps]
     is_wind = may_be_wind(identified, units)
     for name in identified.model.inputs:
@@ -78,11 +79,6 @@ def relative_error_text(error: float, coefficient: float) -> str:
     """Format a standard error relative to its coefficient, in percent if it is smaller."""
     share = error / abs(coefficient)
     return f"{100.0 * share:.2g} %" if share < 1.0 else f"{share:.2g} times the coefficient"
-
-
-def _has_both_directions(reports: Sequence[dict]) -> bool:
-    measured = {one["measures"][-1] for report in reports for one in report["channels"].values()}
-    return {"v", "w"} <= measured
 
 
 def _format_idle_columns(reports: Sequence[dict]) -> str:

@@ -59,22 +59,17 @@ def _is_transient(
     """Decide whether two modes of one frequency are a steady oscillation and its transient."""
     if len(unresolved) != 1:
         return False
-    pair = [k, *unresolved]
-    steady = [each for each in pair if is_steady(stretches, modes, each)]
+    steady = [each for each in (k, *unresolved) if is_steady(stretches, modes, each)]
     if len(steady) != 1:
         return False
-    (decaying,) = set(pair) - set(steady)
-    standardised = modes.standardised_amplitudes(modes.first_fitted)
-    begin, oscillation = standardised[[decaying, *steady]]
-    if np.vdot(oscillation, begin).real > 0.0 and _has_same_frequency(modes, decaying, steady[0]):
+    pair = [k if steady == unresolved else unresolved[0], *steady]
+    begin, oscillation = modes.standardised_amplitudes(modes.first_fitted)[pair]
+    detuning = abs(np.diff(modes.poles[pair].imag)[0])
+    is_same = detuning < MIN_SIGNIFICANCE * np.linalg.norm(modes.frequency_errors[pair])
+    if is_same and np.vdot(oscillation, begin).real > 0.0:
         return False
     is_large = np.linalg.norm(begin) > MIN_TRANSIENT * np.linalg.norm(oscillation)
-    return bool(modes.poles[decaying].real < 0.0 and is_large)
-
-
-def _has_same_frequency(modes: DampedModes, k: int, j: int) -> bool:
-    error = np.linalg.norm(modes.frequency_errors[[k, j]])
-    return bool(abs(modes.poles[k].imag - modes.poles[j].imag) < MIN_SIGNIFICANCE * error)
+    return bool(modes.poles[pair[0]].real < 0.0 and is_large)
 
 
 def has_linear_modes(
@@ -86,13 +81,12 @@ def has_linear_modes(
     resolved modes, that with most energy first.
     """
     own_modes = [k for k in order if not is_steady(stretches, modes, k)]
-    return len(order) == len(modes.poles) and not (
-        own_modes
-        and (
-            _has_opposite_growth(modes, own_modes)
-            or _depends_on_amplitude(stretches, modes, own_modes[0])
-        )
-    )
+    if len(order) < len(modes.poles) or (own_modes and _has_opposite_growth(modes, own_modes)):
+        return False
+    if not own_modes:
+        return True
+    gains, freedom = amplitude_gains(stretches, modes, own_modes[0])
+    return not gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains))
 
 
 def may_be_single(stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]) -> bool:
@@ -161,12 +155,6 @@ def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
     allowed_growth = MIN_SIGNIFICANCE * modes.growth_errors[k] + 0.2 * abs(modes.poles[main].real)
     allowed_frequency = MIN_SIGNIFICANCE * modes.frequency_errors[k]
     return abs(difference.real) <= allowed_growth and abs(difference.imag) <= allowed_frequency
-
-
-def _depends_on_amplitude(stretches: Sequence[Stretch], modes: DampedModes, main: int) -> bool:
-    """Decide whether damping or frequency of a mode depends on its amplitude."""
-    gains, freedom = amplitude_gains(stretches, modes, main)
-    return bool(gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains)))
 
 
 def amplitude_gains(
