@@ -8,8 +8,8 @@ from ambient import DAMPING, FREQUENCIES, STATES, displacements, swing, two_mode
 from scipy.signal import lfilter
 
 from galloping import maximum_likelihood, parse_model, simulate
+from galloping.identification.random_forces.several_modes import find_unmodelled_modes
 from galloping.identification.random_forces.start import MEAN_BINS, estimate_spectra
-from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.model.intervals import decay_interval
 from galloping.model.polynomial import PolynomialModel, polynomial_library
 from galloping.recording.samples import Recording

@@ -15,8 +15,8 @@ from galloping.identification.findings import Code, Finding
 from galloping.identification.identified_model import MIN_FORECAST_R2, IdentifiedModel
 from galloping.identification.inputs import MIN_SAMPLES
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.random_forces.several_modes import find_unmodelled_modes
 from galloping.identification.random_forces.start import amplitude_fluctuates
-from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.inspection.excerpts import excerpts
 from galloping.model.intervals import NORMAL_95
 from galloping.model.polynomial import polynomial_library, velocity_pairs

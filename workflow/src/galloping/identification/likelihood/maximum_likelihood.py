@@ -61,8 +61,8 @@ from galloping.identification.preparation.weak_form import Start, delayed_inputs
 from galloping.identification.prior_knowledge import PRIOR, Coefficient, Prior
 from galloping.identification.problem import Problem
 from galloping.identification.random_forces.decision import fit_random_forces, try_random_forces
+from galloping.identification.random_forces.several_modes import find_unmodelled_modes
 from galloping.identification.random_forces.start import is_ambient_candidate
-from galloping.identification.random_forces.unmodelled import find_unmodelled_modes
 from galloping.identification.work import MAX_WORK, is_exhausted, limit_work, sub_budget
 from galloping.model.polynomial import Exponents, PolynomialModel, exponent_matrix
 from galloping.recording.samples import Recording
