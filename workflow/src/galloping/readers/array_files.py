@@ -1,5 +1,7 @@
 """Arrays by name in instrument files: Parquet, HDF5, NetCDF, MATLAB."""
 
+import struct
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
@@ -10,9 +12,13 @@ from typing import Any
 import numpy as np
 
 from galloping.readers import FileError
-from galloping.readers.matlab_elements import check_elements
 
 MAX_TABLE_BYTES = 2 * 1024**3  # bytes: a table that fits into the memory of a small machine
+# Of a MAT-file of level 5: length of its header, type numbers of elements, of numbers and texts.
+HEADER_BYTES = 128
+MATRIX_TYPE, COMPRESSED_TYPE = 14, 15
+VALUE_TYPES = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18}
+MAX_DEPTH = 32  # levels of nested arrays
 
 
 @dataclass(frozen=True)
@@ -131,12 +137,45 @@ def _unpack(values: Any, attribute: Callable[[str, Any], Any]) -> np.ndarray:
 def _matlab(path: Path) -> Iterator[StoredArray]:
     from scipy.io import loadmat, whosmat
 
-    check_elements(path, MAX_TABLE_BYTES)
+    content = memoryview(path.read_bytes())
+    order = {b"IM": "<", b"MI": ">"}.get(bytes(content[HEADER_BYTES - 2 : HEADER_BYTES]))
+    if order:  # files of level 4 have none
+        _check_elements(content[HEADER_BYTES:], order)
     check_size(8 * sum(prod(shape) for _, shape, _ in whosmat(path)), "arrays")
     for name, value in loadmat(path).items():
         if not name.startswith("__"):
             array = np.asarray(value)
             yield StoredArray(name, array.shape, array.dtype.kind, None, partial(np.asarray, array))
+
+
+def _check_elements(content: memoryview, order: str, depth: int = 0) -> None:
+    """Raise ValueError for data elements of unknown type or wrong size in a MAT-file of level 5.
+
+    SciPy's reader takes the type of an element from the file and looks it up without a check that
+    the type exists: a damaged file ends the process, without a message. order: of bytes, in the
+    notation of `struct`.
+    """
+    if depth > MAX_DEPTH:
+        raise ValueError(f"arrays more than {MAX_DEPTH} deep")
+    offset = 0
+    while offset + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, offset)
+        offset += 8
+        if kind >> 16:  # a small element, within its tag
+            kind, size, end = kind & 0xFFFF, 0, offset
+        else:
+            end = offset + size + (-size % 8 if kind != COMPRESSED_TYPE else 0)
+        if offset + size > len(content):
+            raise ValueError(f"an element of {size} bytes where {len(content) - offset} are left")
+        inner = content[offset : offset + size]
+        if kind == COMPRESSED_TYPE:
+            unpacked = zlib.decompressobj().decompress(inner, MAX_TABLE_BYTES)
+            _check_elements(memoryview(unpacked), order, depth + 1)
+        elif kind == MATRIX_TYPE:
+            _check_elements(inner, order, depth + 1)
+        elif kind not in VALUE_TYPES:
+            raise ValueError(f"an element of type {kind}")
+        offset = end
 
 
 def check_size(n_bytes: int, contents: str = "") -> None:
