@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import compress, pairwise
+from itertools import compress
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -159,35 +159,22 @@ class Problem:
         selected = set(compress(names, support))
         return np.array([name in selected for name in names])
 
-    def input_factors(
+    def input_polynomials(
         self, recordings: Sequence[Recording], first: np.ndarray, step: float
-    ) -> np.ndarray:
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Fit polynomials in time to the monomials of inputs, in each window of `step` seconds.
 
-        first: (n_recordings + 1,) first window of each recording. As `fit_windows`, one
-        recording after the other.
+        first: (n_recordings + 1,) first window of each recording. Returns the polynomials as of
+        `fit_windows`, one recording after the other, and their largest `fit_errors`.
         """
         degree = 3  # in time; with 4 or more, jagged inputs need quarter-length windows
-        powers = [
-            fit_windows([one.inputs[name] for name in self.inputs], self.tables.factors,
-                        one.time[0], step, count, degree)
-            for one, count in zip(recordings, np.diff(first), strict=True)
-        ]  # fmt: skip
-        return np.concatenate(powers)
-
-    def input_fit_errors(
-        self, recordings: Sequence[Recording], first: np.ndarray, step: float, powers: np.ndarray
-    ) -> np.ndarray:
-        """Compute the largest `fit_errors` of the polynomials of `input_factors`, (3, n_factors).
-
-        powers: of `input_factors`.
-        """
-        errors = [
-            fit_errors([one.inputs[name] for name in self.inputs], self.tables.factors,
-                       one.time[0], step, powers[a:b])
-            for one, (a, b) in zip(recordings, pairwise(first), strict=True)
-        ]  # fmt: skip
-        return np.max(errors, axis=0)
+        powers, errors = [], []
+        for one, count in zip(recordings, np.diff(first), strict=True):
+            inputs = [one.inputs[name] for name in self.inputs]
+            signals = inputs, self.tables.factors, one.time[0], step
+            powers.append(fit_windows(*signals, count, degree))
+            errors.append(fit_errors(*signals, powers[-1]))
+        return np.concatenate(powers), np.max(errors, axis=0)
 
     def prior_equations(self, origin: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Compute the part of Gaussian priors in the normal equations of a regression.

@@ -33,7 +33,7 @@ class Condensed:
     counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows. remainder:
     (n_recordings, n_observed) sum of squares of the samples outside the projections. known_noise:
     (n_recordings, n_observed) deviation of a sample if known, else NaN. inputs: (n_windows,
-    n_powers, n_factors) factors of the inputs over each window (see `Problem.input_factors`),
+    n_powers, n_factors) factors of the inputs over each window (see `Problem.input_polynomials`),
     without inputs (n_windows, 1, 0). samples: those behind the projections, kept if the terms of a
     library have kinks, else None.
     """

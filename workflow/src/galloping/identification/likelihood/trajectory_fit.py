@@ -182,9 +182,10 @@ def prepare_fit(
             times, sampled, channels, period / windows, known, has_kinks
         )
         if problem.inputs:
-            inputs = problem.input_factors(recordings, condensed.first, condensed.step)
+            windowed = condensed.first, condensed.step
+            inputs, input_errors = problem.input_polynomials(recordings, *windowed)
             condensed = replace(condensed, inputs=inputs)
-            error = _error_of_inputs(start, guess, condensed)
+            error = _error_of_inputs(start, guess, channels, input_errors)
             # the inputs' deviation from their polynomials moves the solution too far in a window
             if windows < 8 * WINDOWS_PER_PERIOD and np.any(error > 0.1 * noise):
                 windows, length = 2 * windows, 2 * length
@@ -206,7 +207,9 @@ def prepare_fit(
     raise FloatingPointError("the initial guess diverges, or its time scale is too short")
 
 
-def _error_of_inputs(start: Start, guess: WeakFit, condensed: Condensed) -> np.ndarray:
+def _error_of_inputs(
+    start: Start, guess: WeakFit, channels: Channels, input_errors: np.ndarray
+) -> np.ndarray:
     """Estimate the error of the solution from inputs that are no polynomials, (n_observed,).
 
     It is a root mean square within windows. The difference between inputs and polynomials, such as
@@ -214,10 +217,7 @@ def _error_of_inputs(start: Start, guess: WeakFit, condensed: Condensed) -> np.n
     state that has this state as rate. No term counts for more than its whole equation.
     """
     problem, n = start.problem, len(start.problem.states)
-    observed, is_rate = condensed.channels.observed, condensed.channels.is_rate
-    input_errors = problem.input_fit_errors(
-        start.recordings, condensed.first, condensed.step, condensed.inputs
-    )
+    observed, is_rate = channels.observed, channels.is_rate
     values = np.concatenate([one.states[one.valid] for one in start.smoothed])
     theta = design_matrix(values, tuple(map(tuple, problem.state_exponents)))
     sizes = np.sqrt(np.mean(theta**2, axis=0))
@@ -230,8 +230,8 @@ def _error_of_inputs(start: Start, guess: WeakFit, condensed: Condensed) -> np.n
             errors[:, equation] += share * input_errors[:, problem.tables.factors.index(factor)]
     error = np.where(is_rate, errors[0, observed], errors[1, observed])
     for displacement, velocity in velocity_pairs(problem.states).items():
-        channels = observed == displacement
-        error[channels] = np.where(is_rate[channels], errors[1, velocity], errors[2, velocity])
+        own = observed == displacement
+        error[own] = np.where(is_rate[own], errors[1, velocity], errors[2, velocity])
     return error
 
 
