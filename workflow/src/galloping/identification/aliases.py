@@ -23,7 +23,6 @@ from galloping.recording.samples import Recording, inputs_at_times
 # the root of their number plus one. For factors of unit length, smaller coefficients are rounding.
 ROUNDING = 1e-9
 MAX_INPUT_VALUES = 4096  # most combinations of recorded input values at which terms are compared
-MAX_EXCHANGES = 4  # most exchanges of terms in the text of a finding
 
 
 @dataclass(frozen=True)
@@ -154,7 +153,7 @@ def add_alias_rivals(problem: Problem, identified: IdentifiedModel) -> Identifie
         f"d({problem.states[alias.equation]})/dt"
         for alias, term in exchanges
     )
-    terms = ", ".join(list(parts)[:MAX_EXCHANGES])
+    terms = ", ".join(list(parts)[:4])
     finding = Finding.of(Code.ALIASED_TERMS, ", ".join(problem.inputs), terms=terms)
     with_rivals = replace(identified, rivals=np.array(rivals), rival_share=share)
     return with_rivals.with_findings(finding)

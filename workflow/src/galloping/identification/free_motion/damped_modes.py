@@ -19,7 +19,6 @@ from galloping.identification.preparation.smoothing import MIN_CHANNEL_SAMPLES, 
 from galloping.identification.work import count_work
 
 MAX_STEPS = 30  # most Gauss-Newton steps
-MAX_FINAL_STEPS = 4  # most Gauss-Newton steps on samples after a fit to their means
 POLE_TOLERANCE = 1e-3  # largest last step of a pole in a converged fit, in standard errors
 # Relative rounding error: least noise relative to the motion, and least share of information.
 ROUNDING_ERROR = 1e-10
@@ -169,7 +168,7 @@ def fit_poles(
     if means:
         rough = attempt(_iterate, means, poles, free, MAX_STEPS)
         if not isinstance(rough, NoModel):
-            poles, max_steps = rough.modes.poles, MAX_FINAL_STEPS
+            poles, max_steps = rough.modes.poles, 4
     final = _iterate(stretches, poles, free, max_steps)
     scaled, scale = final.scale_information(free)
     if not np.linalg.cond(scaled) < 1.0 / ROUNDING_ERROR:

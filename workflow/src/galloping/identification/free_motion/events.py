@@ -16,11 +16,8 @@ from galloping.identification.free_motion.mode_search import MIN_PART_SAMPLES, f
 from galloping.identification.no_model import NO_MODEL_ERRORS, NoModel, attempt
 from galloping.model.intervals import FALSE_ALARM_RATE
 
-MAX_EVENTS = 10  # most events in all stretches
 MIN_EXPLAINED_SHARE = 0.25  # least share of the misfit above `floor` that each event explains
 MIN_PERIODS = 3.0  # least time between two events, in periods of the slowest mode
-MAX_TRIAL_TIMES = 2000  # largest number of times of an event in the first search of a stretch
-RIDGE = 1e-12  # term added to the unit diagonal of normal equations, so that they can be solved
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ def find_events(
     events leave nothing but noise.
     """
     parts, origins = list(stretches), list(range(len(stretches)))
-    for _ in range(MAX_EVENTS):
+    for _ in range(10):  # events in all stretches
         event = _strongest_event(parts, modes)
         if event is None:
             return None
@@ -126,7 +123,8 @@ def _possible_samples(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     first, last = max(first, MIN_PART_SAMPLES), min(last, len(stretch.time) - MIN_PART_SAMPLES)
     if last <= first:
         return np.empty(0, int)
-    return np.unique(np.linspace(first, last, min(MAX_TRIAL_TIMES, last - first)).astype(int))
+    # of a long stretch some of them: the best and its neighbours are then compared
+    return np.unique(np.linspace(first, last, min(2000, last - first)).astype(int))
 
 
 def _event_gains(
@@ -154,6 +152,6 @@ def _explained_squares(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Compute the squares, (n,), explained by regressions with these normal equations."""
     scale = np.sqrt(np.maximum(np.einsum("nii->ni", gram), np.finfo(float).tiny))
     scaled = gram / (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
-    scaled = scaled + RIDGE * np.eye(gram.shape[1])
+    scaled = scaled + 1e-12 * np.eye(gram.shape[1])  # so that they can be solved
     right = right / scale
     return np.einsum("ni,ni->n", right, np.linalg.solve(scaled, right[:, :, np.newaxis])[:, :, 0])

@@ -42,8 +42,6 @@ MIN_PART_SAMPLES = 24  # least number of samples in a part of a stretch
 MAX_FREQUENCY = 0.98  # highest frequency of a mode, relative to half the sampling rate
 NOISE_BINS = 129  # number of bins whose median is the noise level of a periodogram
 DRIFT_BINS = 17  # number of these bins at low frequencies, where drifts are steep
-POWER_WORK = 1.3e-8  # work for a bin of a periodogram, s
-LEVEL_WORK = 3e-8  # work for the noise level of a bin, s
 # Least ratio of coloured noise to white noise, or white to coloured. White noise reaches it once
 # in 1,000 cases.
 COLOUR_RATIO = 1.6
@@ -117,7 +115,7 @@ def strongest_mode(
                 local = noise_level(spectra[k], oversampled, omitted[::stride], k == 0)
                 everywhere = np.interp(omega, omega[::stride], local)
                 np.maximum(level, everywhere, out=level)
-                count_work(LEVEL_WORK * len(omega))
+                count_work(3e-8 * len(omega))
         # leakage of a strong mode exceeds the noise at other frequencies, but not the mode itself
         bins = np.flatnonzero(powers[k] > strongest)
         excess = sum(
@@ -145,7 +143,7 @@ def _windowed_powers(
     variance = np.mean(values**2)
 
     def power(weight: np.ndarray, part: int) -> np.ndarray:
-        count_work(POWER_WORK * size / part)
+        count_work(1.3e-8 * size / part)
         rows = len(weight)
         spectrum = np.fft.rfft(np.bincount(positions[:rows], weight * values[:rows], size // part))
         return (spectrum.real**2 + spectrum.imag**2) / (weight @ weight * variance)

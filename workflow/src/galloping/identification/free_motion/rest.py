@@ -34,11 +34,8 @@ MIN_DEPARTURE = 5.0  # distance from rest at which motion begins, in standard de
 # period of motion, which is extrapolated from the two periods after it.
 SPIKE_RATIO = 1.25
 MAX_PERIOD_DECAY = 3.0  # largest factor of decay in a period for this extrapolation
-TAIL_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of a possible rest at the end, in order of trial
 MIN_FLOAT = np.finfo(float).tiny  # least positive divisor
 MIN_RESOLUTION_STEPS = 5.0  # least range of a moving sensor, in steps of its resolution
-# Largest ratio of mean squared differences of a smooth motion to its variance. White noise has 2.
-MAX_ROUGHNESS = 1.0
 
 
 @dataclass(frozen=True)
@@ -206,13 +203,14 @@ def _dominant_period(columns: np.ndarray) -> float:
 def _window_deviations(columns: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
     """Compute the standard deviation in the window from each sample on, and whether it is smooth.
 
-    Both are (n_channels, n - length + 1). A channel is smooth where it varies slowly.
+    Both are (n_channels, n - length + 1). A channel is smooth where its mean squared differences
+    are below its variance; those of white noise are twice as large.
     """
     centred = columns - columns.mean(axis=1, keepdims=True)
     mean = _window_sums(centred, length) / length
     deviation = np.sqrt(np.maximum(_window_sums(centred**2, length) / length - mean**2, 0.0))
     squares = _window_sums(np.diff(columns, axis=1) ** 2, length - 1) / (length - 1)
-    return deviation, squares < MAX_ROUGHNESS * deviation**2
+    return deviation, squares < deviation**2
 
 
 def _window_sums(columns: np.ndarray, length: int) -> np.ndarray:
@@ -307,7 +305,7 @@ def _without_tail(
     moves = np.flatnonzero(np.any(deviation > 1.5 * last, axis=0))
     still_from = int(moves[-1]) + length // 4 if len(moves) else samples.shape[1]
     possible = samples.shape[1] - still_from
-    for share in TAIL_SHARES:
+    for share in (1.0, 0.8, 0.6, 0.4, 0.2):
         tail = int(share * possible)
         if tail < MIN_REST * length:
             break

@@ -15,7 +15,6 @@ from galloping.identification.likelihood.residual_tests import MIN_RESIDUAL, NEI
 from galloping.identification.no_model import NoModel, attempt
 from galloping.identification.oscillations import FurtherMode
 
-MAX_MODES = 4  # most modes of a channel
 MIN_POWER_SHARE = 0.1  # least share of the residual's power that a reported mode explains
 # Most periods of a mode in a window. Means over windows show little of faster modes.
 MAX_WINDOW_PERIODS = 0.4
@@ -53,13 +52,13 @@ def _find_oscillations(
 ) -> list[tuple[float, float, float, float]]:
     """Find frequency, growth, cosine and sine of the strongest oscillations, as in `FurtherMode`.
 
-    There are at most MAX_MODES, the strongest first. values: (n,) means over windows, s, about the
+    There are at most four, the strongest first. values: (n,) means over windows, s, about the
     times (n,), of which some may be missing. lowest: frequency, Hz.
     """
     stretch = Stretch(time - time[0], values[:, np.newaxis], (0,))
     band = 2.0 * np.pi * lowest, 2.0 * np.pi * MAX_WINDOW_PERIODS / window
     poles, amplitudes, residual = np.empty(0, complex), np.empty(0, complex), values - values.mean()
-    for _ in range(MAX_MODES):
+    for _ in range(4):
         best = strongest_mode([stretch], [residual[:, np.newaxis]], poles, band=band)
         if best is None:
             break

@@ -28,7 +28,6 @@ from galloping.model.polynomial import (
 )
 from galloping.recording.samples import powers_of_legendre
 
-QUADRATURE_POINTS = 10  # number of times in a window at which a force is evaluated
 DEGREE = 5  # degree of the polynomial in time that is fitted to a force in a window
 # Least share of the misfit of the library's best model, beyond the noise, that a reported force
 # explains. With a larger share, other causes were reported instead.
@@ -134,7 +133,7 @@ def _candidate_kinds(problem: Problem) -> Iterator[tuple[int, int, Exponents]]:
 def _forces_along_motion(fit: ShootingFit, terms: tuple[Exponents, ...]) -> np.ndarray:
     """Fit polynomials in time to terms along a fit's motion, (n_windows, DEGREE + 1, n_terms)."""
     problem, n_states = fit.record.problem, fit.starts.shape[1]
-    nodes, weights = leggauss(QUADRATURE_POINTS)
+    nodes, weights = leggauss(10)
     states = fit.states_at((nodes + 1.0) / 2.0)
     plain = tuple((*term[:n_states], *term[len(problem.names) :]) for term in terms)
     values = design_matrix(states.reshape(-1, n_states), plain).reshape(*states.shape[:2], -1)

@@ -13,7 +13,6 @@ from galloping.trajectory.taylor import Ending, solve
 # Number of samples in a period, which may take at most 64 integration steps. A cubic spline through
 # them errs by 2e-5 of a third harmonic, 1e-4 of a fifth.
 SAMPLES_PER_PERIOD = 60
-DELAY_TOLERANCE = 1e-4  # accuracy of a delay, in steps between these samples
 
 
 class FollowedRecording(NamedTuple):
@@ -74,7 +73,7 @@ def _has_period(model: PolynomialModel, followed: FollowedRecording, period: flo
         width = count * step
         best = minimize_scalar(
             lag_distance, bounds=(count * best - width, count * best + width), method="bounded",
-            options={"xatol": DELAY_TOLERANCE * step},
+            options={"xatol": 1e-4 * step},
         ).x  # fmt: skip
     return lag_distance(best) < 0.01
 

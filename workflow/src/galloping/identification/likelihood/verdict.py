@@ -48,7 +48,6 @@ MAX_BALANCED_TERM = 2.0
 # equations. It was 15 to 45 times as large in seven wrong `ok` models of a wake, and more than ten
 # times in one of 179 right models (docs/identification_parts.csv).
 MAX_MIXTURE = 12.0
-RIVALS = 40  # number of rivals that are drawn and stored with a model
 FOLLOWING_STATUSES = ("ok", "not identifiable")  # statuses of models that follow data to the noise
 
 
@@ -166,14 +165,14 @@ def assess_approximation(
 
 
 def _draw_rivals(problem: Problem, regression: Regression, posterior: Plausible) -> dict[str, Any]:
-    """Draw models of rival supports, as fields of a result; none if less likely than MISS_RATE."""
+    """Draw 40 models of rival supports, as fields of a result; none if rarer than MISS_RATE."""
     rng, weights, rivals = np.random.default_rng(0), posterior.weight[1:], []
     share = float(weights.sum())
     if share < MISS_RATE:
         return {}
     # most rivals are drawn several times
     fit_once = cache(lambda k: _fit_rival(regression, posterior.supports[1 + k]))
-    for k in rng.choice(len(weights), RIVALS, p=weights / share):
+    for k in rng.choice(len(weights), 40, p=weights / share):
         best, root = fit_once(k)
         free = best.copy()
         free[posterior.supports[1 + k]] += root @ rng.standard_normal(len(root))

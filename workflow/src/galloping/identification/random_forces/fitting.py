@@ -30,12 +30,9 @@ from galloping.model.modes import Modes
 from galloping.progress_reports import passing
 from galloping.recording.samples import inputs_at_times
 
-FIRST_STEP = 1e-5  # first step of finite differences, in the unit of a parameter
 # Least expected rise of the log-likelihood with which the iteration continues. A step with less has
 # a squared length below 0.02 in standard deviations, and increases errors by less than a hundredth.
 LIKELIHOOD_TOLERANCE = 1e-2
-MAX_STEPS = 40  # most steps of a fit
-MAX_STEP_TRIALS = 12  # most trials of a step, each shorter than the one before
 # Least excess of a first fitted noise over the least noise, relative to the latter.
 MIN_EXCESS_NOISE = 0.1
 MIN_INFORMATION = 1e-6  # least information on a parameter that the data determine, in its unit
@@ -231,7 +228,7 @@ def maximise_likelihood(
         return setup.filter_recordings(parameters.to_model(vector))
 
     vector = parameters.to_vector(model)
-    step = np.full(len(vector), FIRST_STEP)
+    step = np.full(len(vector), 1e-5)  # first one of finite differences, in units of parameters
     run, damping = filter_with(vector), MIN_STEP_DAMPING
     if not np.isfinite(run.log_likelihood):
         if run.objection:
@@ -245,13 +242,13 @@ def maximise_likelihood(
         determined_support[support] = is_determined
         return maximise_likelihood(setup, model, determined_support, correlated)
     is_exact = True  # whether the slopes are differences at `vector`, not estimates
-    for _ in range(MAX_STEPS):
+    for _ in range(40):
         passing("fit random forces")
         information, score = fisher_information(slopes), likelihood_score(slopes, run)
         scale = np.diag(information)
         # within one error the likelihood is nearly quadratic; the step is far above rounding
         step = ERROR_STEP / np.sqrt(scale)
-        for _ in range(MAX_STEP_TRIALS if is_exact else 1):
+        for _ in range(12 if is_exact else 1):  # trials, each shorter than the one before
             change = np.linalg.solve(information + damping * np.diag(scale), score)
             with np.errstate(all="ignore"):  # a step may be too long
                 trial_run = filter_with(vector + change)

@@ -21,8 +21,6 @@ from galloping.recording.samples import Recording, mean_inputs
 # Length of the end of a recording from which the last state is estimated, in slowest periods. Of an
 # earlier oscillation with a damping ratio of 0.01, a fortieth is left.
 END_PERIODS = 60.0
-SPECTRUM_POINTS = 1500  # number of frequencies of the spectra of a linear model
-MOTIONS = 8  # number of simulated motions over which a nonlinear model's spectra are averaged
 SPECTRUM_SEGMENTS = 6  # number of segments of a motion whose spectra are averaged
 # Largest mean square of standardised innovations. It is far larger for another line.
 MAX_INNOVATION_SQUARE = 1.5
@@ -139,7 +137,7 @@ def model_spectra(
 
     Returns frequencies (n,), Hz, and one-sided spectra (n, n_channels). The spectra are in squares
     of the channels' units per Hz, noise included. Those of a linear model are exact; others are
-    means over motions in forces drawn for each.
+    means over eight motions in forces drawn for each.
     """
     from scipy.signal import welch  # slow to import
 
@@ -147,7 +145,7 @@ def model_spectra(
     step = recording.step
     noise = 2.0 * system_model.noise**2 * step
     if system_model.is_linear:
-        frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, SPECTRUM_POINTS)
+        frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, 1500)
         system, white = system_model.augmented_system
         response = system_model.channels.response(system, 2.0 * np.pi * frequency)
         power = np.einsum("fci,ij,fcj->fc", response, white, response.conj()).real
@@ -157,7 +155,7 @@ def model_spectra(
     time = recording.time[0] + np.arange(len(recording.time)) * step
     steps = Steps.from_times(time, inputs)
     begin = system_model.filter(data).mean
-    for _ in range(MOTIONS):
+    for _ in range(8):
         states = system_model.simulate(begin, steps, rng)
         rates = np.gradient(states[:, list(channels.rates)], step, axis=0)
         samples = np.hstack([states[:, list(channels.values)], rates])

@@ -38,11 +38,7 @@ from galloping.recording.samples import Recording
 # longer, with fewer noise hides more. With 8 and with 32 no answer of `make exam` changes.
 SAMPLES_PER_PERIOD = 16
 FALSE_COUPLING_RATE = 0.01  # rate at which uncoupled coordinates count as coupled
-# Most starts that are tried with further modes. From the first alone, one fit in nine ends
-# elsewhere.
-MAX_STARTS = 3
 FIRST_FORCE_SHARE = 0.8  # initial guess of the share of its force that a mode has with another
-MAX_CHOICES = 4  # most choices of further terms, each after a fit of those chosen before
 START_PERIODS = 20.0  # length of samples from which a first state is estimated, in shortest periods
 
 
@@ -88,7 +84,8 @@ def _fit_some_samples(
     if n_further:
         if not fit.whiteness.may_be_random:
             raise NoModelError(fit.deviation)
-        others = [attempt(_fit_from, setup, start) for start in white[1:MAX_STARTS]]
+        # from the first start alone, one fit in nine ends elsewhere
+        others = [attempt(_fit_from, setup, start) for start in white[1:3]]
         fits = [each for each in (fit, *others) if not isinstance(each, NoModel)]
         fit = max(fits, key=lambda each: each.filtered.log_likelihood)
     channels = setup.channels
@@ -161,7 +158,7 @@ def _with_further_terms(fit: ForcedFit, noise: np.ndarray) -> ForcedFit:
     the start, the least with which a fit begins: with missing terms its estimate may be zero.
     """
     allowed = fit.support | ~fit.setup.required
-    for _ in range(MAX_CHOICES):
+    for _ in range(4):
         if is_exhausted():
             break
         refit = attempt(_with_chosen_terms, fit, allowed, noise)

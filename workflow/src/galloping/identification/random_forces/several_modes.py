@@ -35,9 +35,6 @@ from galloping.recording.samples import Recording
 # Limits of a cut-off: highest frequency that the filter leaves unchanged, relative to the last mode
 # that is kept, and cut-off relative to the next mode.
 CUTOFF_LIMITS = (1.04, 0.93)
-# Cut-offs in order of trial, as shares of the way between these limits on a logarithmic scale: far
-# from both or, for broad modes, far from the faster mode.
-CUTOFF_SHARES = (0.5, 0.1)
 # Least ratio of a mode's peak in a spectrum to the median nearby. Noise in means of four bins has
 # such a peak once in ten million.
 MIN_PEAK_RATIO = 6.0
@@ -64,7 +61,6 @@ FALSE_SPLIT_RATE = 1e-7
 MIN_FREQUENCY_RATIO = 3.5
 MIN_POWER_SHARE = 0.2  # least share of a velocity's power that the faster peaks have
 LEAKAGE_FACTOR = 2.0  # factor on the estimated leakage by gaps, which may be larger by chance
-MAX_FREQUENCIES = 3  # most frequencies that are reported for a coordinate
 
 
 @dataclass(frozen=True)
@@ -219,7 +215,8 @@ def _filter_edges(
     if 0 < k < len(modes):
         least, most = CUTOFF_LIMITS[0] / PASS_BAND_EDGE * modes[k - 1], CUTOFF_LIMITS[1] * modes[k]
         if least <= most and apart[0] < modes[k] / modes[k - 1] <= apart[1]:
-            for share in CUTOFF_SHARES:
+            # far from both limits or, for broad modes, far from the faster mode
+            for share in (0.5, 0.1):
                 yield float(f"{least ** (1.0 - share) * most**share:.3g}")
     elif modes:
         yield float(f"{min(OPEN_CUTOFF_RATIO * modes[-1], fastest):.3g}")
@@ -293,7 +290,7 @@ def find_unmodelled_modes(recordings: list[Recording]) -> list[Finding]:
         peaks = 2.0 * np.pi * np.array(find_peaks(step, [grid[:, [channel]] for grid in grids]))
         neighbours = neighbour_slices(omega, peaks, PEAK_WIDTH)
         powers = [faster[rows].sum() for rows in neighbours]
-        named_peaks = sorted(zip(powers, peaks, strict=True))[-MAX_FREQUENCIES:]
+        named_peaks = sorted(zip(powers, peaks, strict=True))[-3:]
         if sum(peak_power for peak_power, _ in named_peaks) < MIN_POWER_SHARE * velocity.sum():
             continue
         findings += [

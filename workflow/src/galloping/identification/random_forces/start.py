@@ -27,7 +27,6 @@ from galloping.recording.samples import Recording
 # modes, long ones close modes. All are tried, and the likeliest start is used.
 CORRELATION_PERIODS = (3.0, 8.0, 15.0)
 LAGS_PER_PERIOD = 8  # number of lags in a shortest period; more add no information
-ADDITIONAL_STATES = 0, 4  # numbers of additional states, for slow motion or for other modes
 MIN_START_DAMPING = 1e-3  # least damping ratio of a start: a motion that lasts is stable
 # Number of bins of a spectrum in each mean. A mean of noise has a relative deviation of a half.
 MEAN_BINS = 4
@@ -174,7 +173,8 @@ def find_linear_systems(
     lags = min(int(CORRELATION_PERIODS[-1] * LAGS_PER_PERIOD), longest // stride) * stride
     for samples, first in ((grids, 1), (differences, 2)):
         correlation = sample_correlations(samples, lags)[0][::stride]
-        for span, additional in product(CORRELATION_PERIODS, ADDITIONAL_STATES):
+        # additional states are for slow motion or for other modes
+        for span, additional in product(CORRELATION_PERIODS, (0, 4)):
             part = correlation[first : first + int(span * LAGS_PER_PERIOD)]
             try:
                 rates, shapes = modes_from_correlations(part, stride * step, count, additional)

@@ -36,11 +36,6 @@ NONLINEAR_DEVIATION = 3.0
 SUBSTEPS_PER_PERIOD = 16
 # Most integration steps between samples. Samples show nothing of quicker motion.
 MAX_SUBSTEPS = 64
-FILTER_WORK = 3e-4  # work for a linear filter, s
-STATE_WORK = 6e-8  # work for a sample and a state of a linear filter, s
-STEP_WORK = 8e-7  # work for a substep of an extended filter, s
-TERM_WORK = 1.2e-8  # work for an exponent of the equations' terms in a substep, s
-SLOPE_WORK = 4e-9  # work for a candidate and the squared number of states in a substep, s
 
 
 @dataclass(frozen=True)
@@ -263,8 +258,8 @@ class StateSpaceModel:
     ):
         channels, steps = self.channels, data.steps
         counts = self.substeps(steps.lengths)
-        each = STEP_WORK + TERM_WORK * exponents.size + SLOPE_WORK * len(candidates) * len(x) ** 2
-        seconds = counts[steps.index].sum() * each
+        of_substep = 8e-7 + 1.2e-8 * exponents.size + 4e-9 * len(candidates) * len(x) ** 2
+        seconds = counts[steps.index].sum() * of_substep
         quick = np.median(counts[steps.index]) > MAX_SUBSTEPS
         if quick or seconds > work_limit(len(data.samples)):
             raise IdentificationError(Code.MOTION_TOO_QUICK)
@@ -310,7 +305,7 @@ class StateSpaceModel:
             sensing = np.eye(m + len(lagged))[[*values, *range(m, m + len(lagged))]]
         p, n = np.pad(self.first_covariance, (0, len(lagged))), len(self.equilibrium)
         x = np.zeros(len(p))
-        count_work(FILTER_WORK + STATE_WORK * len(data.samples) * len(p))
+        count_work(3e-4 + 6e-8 * len(data.samples) * len(p))
         innovations, variances, means = kalman_filter(
             data.samples - offsets, data.steps.index, transitions, disturbances, sensing,
             self.noise**2, x, p,

@@ -27,10 +27,6 @@ from galloping.model.polynomial import Exponents, design_matrix
 from galloping.recording.samples import Recording
 
 MIN_WINDOW_SAMPLES = 7  # samples of the smallest window
-WINDOWS = 7  # number of window lengths up to one period
-POLYNOMIAL_ORDERS = (5, 3)  # orders of the local polynomials
-HALF_WIDTHS = (1 / 8, 1 / 4, 1 / 2)  # half widths of the test functions, in periods
-END_ORDERS = (2, 8)  # orders of the test functions at their ends
 VALIDATION_HALF_WIDTH = 1 / 2  # half width of the validating test functions, in periods
 VALIDATION_ORDER = 4  # order of the validating test functions at their ends
 MIN_ROWS = 7500  # least number of rows used of a long recording; at most twice as many are used
@@ -195,23 +191,23 @@ def tried_filters(
 
 
 def smoothing_filters(frame: _Frame) -> Iterator[TriedFilter]:
-    """Yield a Savitzky-Golay filter for each window length and polynomial order."""
-    windows = 2 * (np.geomspace(MIN_WINDOW_SAMPLES, frame.samples, WINDOWS) / 2).astype(int) + 1
+    """Yield a Savitzky-Golay filter for each window length, up to one period, and order."""
+    windows = 2 * (np.geomspace(MIN_WINDOW_SAMPLES, frame.samples, 7) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
-    for window, order in product(windows.tolist(), POLYNOMIAL_ORDERS):
+    for window, order in product(windows.tolist(), (5, 3)):
         kernels = savitzky_golay(window, order, frame.step)
         states, slopes = (filtered(kernel, frame.rows) for kernel in kernels)
         yield frame.try_filter(design_matrix(states, frame.terms), slopes)
 
 
 def weak_form_filters(frame: _Frame) -> Iterator[TriedFilter]:
-    """Yield a weak-form filter for each length and order of the test functions."""
+    """Yield a weak-form filter for each half width, in periods, and order of test functions."""
     raw = design_matrix(frame.values, frame.terms)
-    halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
+    halves = [max(2, int(share * frame.samples)) for share in (1 / 8, 1 / 4, 1 / 2)]
     longest = 2 * halves[-1] + 1
     library, states = Convolution(raw, longest), Convolution(frame.values, longest)
     held_out = frame.held_out(raw[frame.rows])
-    for half, order in product(halves, END_ORDERS):
+    for half, order in product(halves, (2, 8)):
         weights, slopes = weak_form(half, order, frame.step)
         yield frame.try_filter(library(weights, frame.rows), states(slopes, frame.rows), held_out)
 
