@@ -246,12 +246,8 @@ class Following:
         """Differentiate a simulated motion by its initial state: (n_states, n, n_sensed)."""
         size = np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0)
         size = DIFFERENCE_STEP * np.where(size > 0.0, size, size.max() or 1.0)
-        return np.array(
-            [
-                (self.motion(model, start + size * unit, time) - motion) / size[k]
-                for k, unit in enumerate(np.eye(len(start)))
-            ]
-        )
+        changes = [self.motion(model, start + step, time) - motion for step in np.diag(size)]
+        return np.array(changes) / size[:, np.newaxis, np.newaxis]
 
     def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
         """Compute chi^2 per sample of a simulated motion, infinite if the motion diverges.

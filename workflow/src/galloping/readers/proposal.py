@@ -124,23 +124,22 @@ class Proposal:
             pairs = (f"{key}: {json.dumps(keys[key], ensure_ascii=False)}" for key in keys)
             return f"{{{', '.join(pairs)}}}" + (f"  # {comment}" if comment else "")
 
-        return "\n".join(
-            [
-                f"# How the columns of {file} are read, by their names: check each line.",
-                *([f"time: {line(self.time)}"] if self.time else []),
-                *([f"rate: {rate:g}"] if rate else []),
-                *([f"decimal: {json.dumps(decimal)}"] if decimal else []),
-                "# Displacements of the span's first mode, in m, and their rates, the velocities:",
-                f"states: [{', '.join(self.states)}]",
-                "# measures: a state, or d and a state for its rate; ddq_v is an acceleration.",
-                "# Also position (m along the span, then with span: on a line of its own),",
-                "# delay (s), noise (such as 3 mm), scale: unknown, offset: known.",
-                "channels:",
-                *(f"  - {line(each, meaning(each['measures']))}" for each in self.channels),
-                *(f"# {each}" for each in self._unused()),
-                "",
-            ]
-        )
+        lines = [
+            f"# How the columns of {file} are read, by their names: check each line.",
+            *([f"time: {line(self.time)}"] if self.time else []),
+            *([f"rate: {rate:g}"] if rate else []),
+            *([f"decimal: {json.dumps(decimal)}"] if decimal else []),
+            "# Displacements of the span's first mode, in m, and their rates, the velocities:",
+            f"states: [{', '.join(self.states)}]",
+            "# measures: a state, or d and a state for its rate; ddq_v is an acceleration.",
+            "# Also position (m along the span, then with span: on a line of its own),",
+            "# delay (s), noise (such as 3 mm), scale: unknown, offset: known.",
+            "channels:",
+            *(f"  - {line(each, meaning(each['measures']))}" for each in self.channels),
+            *(f"# {each}" for each in self._unused()),
+            "",
+        ]
+        return "\n".join(lines)
 
 
 def list_states(targets: Iterable[str]) -> list[str]:

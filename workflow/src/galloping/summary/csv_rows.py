@@ -34,18 +34,17 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str]) -> list[di
             if not present and not np.isfinite(identified.detection_limits[i, j]):
                 continue
             known = i in identified.known
-            rows.append(
-                {
-                    "equation": state,
-                    "term": term_name(term, model.names),
-                    "coefficient": float(value),
-                    "unit": coefficient_unit(state, term, model.names, inputs),
-                    "standard_error": float(error) if present else np.nan,
-                    "low": float(low[i, j]),
-                    "high": float(high[i, j]),
-                    "verdict": "known" if known else "present" if present else "absent",
-                }
-            )
+            row = {
+                "equation": state,
+                "term": term_name(term, model.names),
+                "coefficient": float(value),
+                "unit": coefficient_unit(state, term, model.names, inputs),
+                "standard_error": float(error) if present else np.nan,
+                "low": float(low[i, j]),
+                "high": float(high[i, j]),
+                "verdict": "known" if known else "present" if present else "absent",
+            }
+            rows.append(row)
     return rows
 
 

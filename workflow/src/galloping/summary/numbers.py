@@ -193,11 +193,14 @@ def compute_numbers(
         if column["position_m"] is not None
     }
     recorded = tuple(_describe_recorded(summary.recordings, cutoff, placed_channels))
-    strengths, lasting = (
-        _force_densities(identified, dynamics) if identified.is_forced else ({}, ())
-    )
+    forced, held_out = identified.is_forced, summary.held_out
+    strengths, lasting = _force_densities(identified, dynamics) if forced else ({}, ())
     count, share = _count_stretches(summary.recordings, identified)
-    is_refused = identified.status == "refused"
+    has_model = identified.status != "refused"
+    absent = _list_absent(identified, summary.recordings, units) if has_model else ()
+    compared = None
+    if beside and beside[1]:
+        compared = beside[0], _estimate_system(beside[1], None, units)
     return SummaryNumbers(
         status=identified.status,
         reason=identified.reason,
@@ -207,24 +210,18 @@ def compute_numbers(
         system=_estimate_system(dynamics, identified, units) if dynamics else None,
         random_forces=strengths,
         force_durations_s=lasting,
-        forecast=_collect_scores(summary.held_out, identified.is_forced)
-        if summary.held_out
-        else None,
+        forecast=_collect_scores(held_out, forced) if held_out else None,
         no_forecast=summary.untried,
         stretches=count,
         stretches_percent=share,
-        absent_terms=()
-        if is_refused
-        else tuple(_list_absent(identified, summary.recordings, units)),
+        absent_terms=tuple(absent),
         scales={
             name.removeprefix("scale_"): float(value)
             for name, value in identified.diagnostics.items()
             if name.startswith("scale_")
         },
         further_recording=summary.advice,
-        compared=(beside[0], _estimate_system(beside[1], None, units))
-        if beside and beside[1]
-        else None,
+        compared=compared,
     )
 
 
@@ -263,20 +260,17 @@ def _estimate_system(
     oscillating = [name for name, value in dynamics.frequencies.items() if np.isfinite(value.value)]
     is_free = is_undamped(dynamics) or (keeps_any_amplitude(dynamics) and not repeats)
     half_range = {} if is_free else dynamics.half_range
-    period = dynamics.period if half_range else None
-    unit_texts = shown_units(units)
+    period, unit_texts = dynamics.period if half_range else None, shown_units(units)
+
+    def in_own_units(values: Mapping[str, Value]) -> dict[str, Estimate]:
+        return {name: Estimate.from_value(each, plain_unit(name)) for name, each in values.items()}
+
     return SystemEstimates(
-        {
-            name: Estimate(value, unit=unit_texts.get(name, ""))
-            for name, value in dynamics.at.items()
-        },
-        {
-            name: Estimate.from_value(value, plain_unit(name))
-            for name, value in dynamics.rest.items()
-        },
+        {name: Estimate(mean, unit=unit_texts.get(name, "")) for name, mean in dynamics.at.items()},
+        in_own_units(dynamics.rest),
         () if hidden else tuple(_small_motion(dynamics, name) for name in oscillating),
         dynamics.kind,
-        {name: Estimate.from_value(value, plain_unit(name)) for name, value in half_range.items()},
+        in_own_units(half_range),
         Estimate.from_value(period, "s") if period else None,
     )
 

@@ -323,6 +323,7 @@ def _describe_modes(
         if isfinite(value.value) and state not in of_further
     }
     least = min(damped, key=lambda state: damped[state].value, default="")
+    unit, lowest = PERCENT + " damping", damped.get(least)
     return {
         "damped": damped,
         "unsure": [
@@ -339,9 +340,7 @@ def _describe_modes(
             if one.doubling_time is not None
         ],
         "least": least,
-        "margin": Estimate.from_value(damped[least], PERCENT + " damping", 100.0)
-        if damped
-        else None,
+        "margin": Estimate.from_value(lowest, unit, 100.0) if lowest else None,
         "halves": [f"±{in_words(v)} {_name(s)}" for s, v in system.limit_cycle.items()],
         "places": ", ".join(f"{s} = {in_words(v)}" for s, v in system.rest.items()),
         "still": "\n".join(
