@@ -262,16 +262,13 @@ class _Regression:
         diagonal = np.diag(gram)[:-1]
         unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         information, right = gram[:-1, :-1] * unit * unit[:, np.newaxis], gram[:-1, -1] * unit
-        response = -np.linalg.solve(
-            information[:n_support, :n_support], information[:n_support, n_support:]
-        )
-        further = (
-            information[n_support:, n_support:] + information[n_support:, :n_support] @ response
-        )
-        further += np.diag(prior * unit[n_support:] ** 2)
+        own, other = np.s_[:n_support], np.s_[n_support:]
+        response = -np.linalg.solve(information[own, own], information[own, other])
+        further = information[other, other] + information[other, own] @ response
+        further += np.diag(prior * unit[other] ** 2)
         root = np.sqrt(np.diag(further))
         covariance = np.linalg.inv(further / root / root[:, np.newaxis])
         covariance = covariance / root / root[:, np.newaxis]
-        mean = covariance @ (right[n_support:] + response.T @ right[:n_support])
-        response = unit[:n_support, np.newaxis] * response
+        mean = covariance @ (right[other] + response.T @ right[own])
+        response = unit[own, np.newaxis] * response
         return response @ mean, response @ covariance @ response.T

@@ -176,10 +176,8 @@ def add_scale_errors(identified: IdentifiedModel) -> IdentifiedModel:
         if f"scale_{name}" in identified.diagnostics:
             pair = [k, *(v for x, v in velocity_pairs(states).items() if x == k)]
             power = exponents[places[:, 1]][:, pair].sum(axis=1) - np.isin(places[:, 0], pair)
-            scale, error = (
-                float(identified.diagnostics[each])
-                for each in (f"scale_{name}", f"error_of_scale_{name}")
-            )
+            numbers = f"scale_{name}", f"error_of_scale_{name}"
+            scale, error = (float(identified.diagnostics[each]) for each in numbers)
             shifts.append(error / scale * power)
     return _with_common_errors(identified, shifts) if shifts else identified
 

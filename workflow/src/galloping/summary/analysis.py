@@ -178,10 +178,8 @@ def analyse(
     case = None
     if beside and summary.found.status != "refused":
         identified = summary.found.at(typical_inputs(summary.found.model.inputs, field.recordings))
-        case = (
-            beside[0],
-            expected_dynamics(beside[1], identified, Surroundings.of(field.recordings)),
-        )
+        around = Surroundings.of(field.recordings)
+        case = beside[0], expected_dynamics(beside[1], identified, around)
     with part("write", until=1.0):
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)

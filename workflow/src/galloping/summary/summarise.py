@@ -432,9 +432,8 @@ def simulate_beside(
     """
     time, model = recording.time, identified.model
     follow = Following(identified, without_outliers(recording))
-    filtered = (
-        in_random_forces.filter_states(identified, recording) if identified.is_forced else None
-    )
+    forced = identified.is_forced
+    filtered = in_random_forces.filter_states(identified, recording) if forced else None
     motions = []
     for share in (0.0, 0.5, 1.0):
         passing("beside the samples")

@@ -272,14 +272,12 @@ def _linearise(stretches: Sequence[Stretch], poles: np.ndarray) -> _NormalEquati
             count = np.count_nonzero(is_known)
             if count < MIN_CHANNEL_SAMPLES + 2 * n + degree or stretch.sizes[c] == 0.0:
                 continue
-            values = np.where(is_known, stretch.values[:, c], 0.0)
-            of_channel = (
-                columns if is_known.all() else np.where(is_known[:, np.newaxis], columns, 0.0)
-            )
-            if complete_products is None or not is_known.all():
+            values, is_complete = np.where(is_known, stretch.values[:, c], 0.0), is_known.all()
+            of_channel = columns if is_complete else np.where(is_known[:, None], columns, 0.0)
+            if complete_products is None or not is_complete:
                 products = of_channel.T @ of_channel
                 count_work(1e-9 * columns.size * columns.shape[1])
-                complete_products = products if is_known.all() else None
+                complete_products = products if is_complete else None
             else:
                 products = complete_products
             crossed = of_channel.T @ values

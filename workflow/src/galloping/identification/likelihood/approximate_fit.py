@@ -160,12 +160,9 @@ def as_identified(
         Finding.of(Code.FURTHER_MODE, mode.state, frequency_hz=mode.frequency / (2.0 * np.pi))
         for mode in further
     )
-    noise_variance = condensed.noise_variance  # zero where it is neither known nor estimated
-    power = (
-        np.where(noise_variance > 0.0, noise_variance, noise**2)
-        * condensed.rows
-        / np.diff(condensed.first)[:, None]
-    )
+    variance = condensed.noise_variance  # zero where it is neither known nor estimated
+    variance = np.where(variance > 0.0, variance, noise**2)
+    power = variance * condensed.rows / np.diff(condensed.first)[:, None]
     noise_power = float(np.sum(power[record.segments.recording]))
     squares = float(np.sum(approximation.forecast_squares[1]))
     identified = assess_approximation(
@@ -318,10 +315,8 @@ def _cross_validate(fit: StretchFit, penalty: float) -> Approximation:
         predicted = record.predict_projections(fit.free + change, record.starts[fold], fold)
         residual[windows] = condensed.targets[windows] - predicted
     spread = changes - changes.mean(axis=0)
-    freedom = max(n_folds - 1, 1)
-    covariance = (
-        SYSTEMATIC_FACTOR * small_sample_factor(n_folds) * freedom / n_folds * spread.T @ spread
-    )
+    factor = SYSTEMATIC_FACTOR * small_sample_factor(n_folds) * max(n_folds - 1, 1) / n_folds
+    covariance = factor * spread.T @ spread
     covariance += SYSTEMATIC_FACTOR * of_single_folds
     # A few folds may agree by chance: no variance is below that of the whole fit. Of the exam's 27
     # approximate models, three have an error that this raises, by a tenth to two fifths.

@@ -168,9 +168,8 @@ def _find_objections(
         excess = float(np.sum(tests.excess / fit.sigma**2))
         faults = [fault for fault in faults if fault.can_explain(excess)]
     is_fault = bool(faults) and not faults[0].or_model
-    causes = (
-        _find_terms(find_missing_kind, fit, penalty) if (misfit or faults) and not is_fault else []
-    )
+    is_unclear = (misfit or faults) and not is_fault
+    causes = _find_terms(find_missing_kind, fit, penalty) if is_unclear else []
     causes = causes or [fault.cause for fault in faults[:1]]
     return [*causes, *misfit], is_fault and not misfit
 

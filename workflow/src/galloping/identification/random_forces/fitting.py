@@ -316,9 +316,8 @@ def _difference_innovations(
             raise NotConvergedError(shifted_run.objection)
         with np.errstate(all="ignore"):  # a variance may not be positive
             slopes[j, 0] = (shifted_run.innovations - run.innovations)[is_known] / h / root
-            slopes[j, 1] = (
-                np.log(shifted_run.variances[is_known] / run.variances[is_known]) / h / np.sqrt(2.0)
-            )
+            ratio = shifted_run.variances[is_known] / run.variances[is_known]
+            slopes[j, 1] = np.log(ratio) / h / np.sqrt(2.0)
     if not np.isfinite(slopes).all():
         raise FloatingPointError("the likelihood has no slope where the filter loses all digits")
     return slopes

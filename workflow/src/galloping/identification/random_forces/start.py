@@ -230,9 +230,7 @@ def estimate_spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, 
             power[int(len(grid) / (2.0 * stride)) :, c] = 0.0  # mirror images of what is slower
         means = power[: groups * MEAN_BINS].reshape(groups, MEAN_BINS, power.shape[1]).mean(axis=1)
         powers.append(means * step / len(grid) / share)
-        middle = (
-            np.arange(groups) * MEAN_BINS + (MEAN_BINS + 1) / 2
-        )  # bin number; bin 0 is the mean
+        middle = np.arange(groups) * MEAN_BINS + (MEAN_BINS + 1) / 2  # bin 0 is the mean
         frequencies.append(2.0 * np.pi * middle / (len(grid) * step))
     omega = np.concatenate(frequencies)
     order = np.argsort(omega, kind="stable")

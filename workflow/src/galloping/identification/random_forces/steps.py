@@ -69,13 +69,11 @@ class Steps:
         values = []
         for one in self.inputs:
             signal, ends = evaluate_extended(one, time), time[2::2]
-            is_held = one.between == "zero"  # such an input may jump at the end of a step
-            limits = (
-                evaluate_extended(one, np.nextafter(ends, -np.inf)) if is_held else signal[2::2]
-            )
-            values.append(
-                np.append(np.stack([signal[:-1:2], signal[1::2], limits], axis=1), signal[-1])
-            )
+            limits = signal[2::2]
+            if one.between == "zero":  # such an input may jump at the end of a step
+                limits = evaluate_extended(one, np.nextafter(ends, -np.inf))
+            within = np.stack([signal[:-1:2], signal[1::2], limits], axis=1)
+            values.append(np.append(within, signal[-1]))
         powers = np.array(factors, float)[:, :, np.newaxis]
         return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)
 
