@@ -88,10 +88,8 @@ def assess(
     values, inputs = {}, found.model.inputs
     for name, value in (at or {}).items():
         if name not in inputs:
-            requirement = (
-                f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
-            )
-            raise ValueError(f"{name} is no input of the model; {requirement}")
+            wanted = f"must be one of {', '.join(inputs)}" if inputs else "the model has no inputs"
+            raise ValueError(f"{name} is no input of the model; {wanted}")
         values[name] = np.unique(as_finite(name, np.atleast_1d(value), (None,)))
         if not len(values[name]):
             raise ValueError(f"{name} has no value")
