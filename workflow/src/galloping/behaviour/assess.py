@@ -360,9 +360,8 @@ def _find_onsets(
         value = hopf.point.solution.value
         counts_below = [_count_growing(p) for p in points if p.solution.value < value]
         counts_above = [_count_growing(p) for p in points if p.solution.value > value]
-        is_growing_above = bool(counts_below) and counts_below[-1] < (
-            counts_above[0] if counts_above else 1
-        )
+        above = counts_above[0] if counts_above else 1
+        is_growing_above = bool(counts_below) and counts_below[-1] < above
         samples = []
         for branch in branches:
             others = [h.point.solution.value for h in hopf_points(branch)]

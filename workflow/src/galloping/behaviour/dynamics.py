@@ -270,9 +270,8 @@ def _propagate_covariance(
 
     best = properties(np.zeros(len(errors)))
     steps = DIFFERENCE_STEP * np.diag(np.where(is_known, 0.0, errors))
-    slopes = np.array([properties(step) - properties(-step) for step in steps]) / (
-        2.0 * DIFFERENCE_STEP
-    )
+    differences = np.array([properties(step) - properties(-step) for step in steps])
+    slopes = differences / (2.0 * DIFFERENCE_STEP)
     correlation = identified.covariance / np.outer(errors, errors)
     deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
     slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])

@@ -120,9 +120,8 @@ def forecast(
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
     sensed = Sensed.by(recording)
-    factors = np.array(
-        [identified.diagnostics.get(f"{WIDENING_PREFIX}{name}", 1.0) for name in sensed.names]
-    )
+    keys = [f"{WIDENING_PREFIX}{name}" for name in sensed.names]
+    factors = np.array([identified.diagnostics.get(key, 1.0) for key in keys])
     if np.isinf(factors).any():
         raise ValueError(f"the model gives no forecast: {NO_FORECAST_REASON}")
     recording = _extend_inputs(identified.model, without_outliers(recording), time, inputs)
@@ -150,9 +149,8 @@ def forecast(
         )
     is_bounded = np.isfinite(motions).all(axis=(1, 2))
     if is_bounded.sum() < FORECAST_DRAWS // 2:
-        raise ValueError(
-            f"{FORECAST_DRAWS - is_bounded.sum()} of {FORECAST_DRAWS} draws of the model diverge"
-        )
+        diverged = FORECAST_DRAWS - is_bounded.sum()
+        raise ValueError(f"{diverged} of {FORECAST_DRAWS} draws of the model diverge")
     noise = rng.standard_normal((len(time), *motions.shape[::2])).transpose(1, 0, 2)
     samples = motions + np.maximum(sigma, errors) * noise
     low, high = _compute_quantiles(samples, QUANTILES_90)

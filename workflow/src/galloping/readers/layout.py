@@ -311,9 +311,8 @@ def _fill_names(names: Sequence[str], upper_names: Sequence[str]) -> list[str]:
 
 def _count_known_names(row: Sequence[str]) -> int:
     """Count the different cells of a row that a reader knows as names of columns."""
-    return sum(
-        bool(is_time(cell) or measured_quantity(cell) or split_header(cell)[1]) for cell in set(row)
-    )
+    known = (is_time(cell) or measured_quantity(cell) or split_header(cell)[1] for cell in set(row))
+    return sum(map(bool, known))
 
 
 def _find_header(

@@ -75,10 +75,8 @@ def draw_quality(
         for gap in gaps:
             motion_axes.axvspan(*gap, color=BAND, lw=0, label="gap")
         motion_axes.set(ylabel=fill(label, MAX_TITLED_LABEL_LETTERS), xlim=(time[0], time[-1]))
-        is_finite = np.isfinite(values)
-        frequency, share = spectrum(
-            time[is_finite], values[is_finite], float(np.median(np.diff(time)))
-        )
+        is_finite, step = np.isfinite(values), float(np.median(np.diff(time)))
+        frequency, share = spectrum(time[is_finite], values[is_finite], step)
         share = np.maximum(share, share.max() * 10.0**-SPECTRUM_DECADES)
         for first in dominant[:1]:
             spectrum_axes.axvline(first, **MARK_STYLE, label="dominant")
@@ -165,9 +163,8 @@ def draw_forecast(
         ahead, time = forecasts[column], recordings[column].time
         begin = ahead.time[0]
         if row == 0:
-            what = (
-                "end of the recording, not fitted" if begin <= time[-1] else "after the recording"
-            )
+            is_held_out = begin <= time[-1]
+            what = "end of the recording, not fitted" if is_held_out else "after the recording"
             parts.letter(axes, column, what)
         _plot_samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
         is_shown = ahead.time < begin + length

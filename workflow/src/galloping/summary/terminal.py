@@ -72,13 +72,12 @@ class _Lines:
         if computed >= MIN_COUNTED_TIME and took <= MAX_TIME_RATIO * computed:
             self._slow = took / computed
         seconds, most = elapsed * (1.0 - share) / share, self._slow * more
+        remaining = f"{seconds:.0f} s left"
         if not math.isinf(most):
-            seconds = (
-                min(seconds, most) if share > SEARCH_SHARE else math.sqrt(min(seconds, most) * most)
-            )
-        remaining = f"{seconds:.0f} s left" + (
-            "" if math.isinf(most) else f", {most:.0f} s at most"
-        )
+            seconds = min(seconds, most)
+            if share <= SEARCH_SHARE:
+                seconds = math.sqrt(seconds * most)
+            remaining = f"{seconds:.0f} s left, {most:.0f} s at most"
         is_nearly_done = share > NEARLY_DONE
         done = "nearly done" if is_nearly_done else f"about {share:.0%} done, {remaining}"
         click.echo(f"{elapsed:.0f} s: {what}; {done}", err=True)

@@ -81,14 +81,13 @@ def strongest_mode(
             if np.mean(column[is_known] ** 2) <= (ROUNDING_ERROR * motion) ** 2:
                 continue
             time = stretch.time[is_known] / longest
-            series.append(
-                _windowed_powers(time, column[is_known], positions[is_known], size, parts)
-            )
+            powers = _windowed_powers(time, column[is_known], positions[is_known], size, parts)
+            series.append(powers)
             spans.append((stretch.duration, positions[-1] + 1))
             # above half the rate of its own samples a channel has mirror images
             channel_step = np.median(np.diff(stretch.time[is_known]))
             mirrored = omega * channel_step > np.pi * MAX_FREQUENCY
-            for image, stride in zip(series[-1], strides, strict=True):
+            for image, stride in zip(powers, strides, strict=True):
                 image[mirrored[::stride]] = 0.0
     if not series:
         return None

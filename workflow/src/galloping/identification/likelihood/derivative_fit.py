@@ -82,9 +82,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         if is_noisy
     ]
     if max(correlations, default=0.0) < -ndtri(FALSE_OBJECTION_RATE / max(len(correlations), 1)):
-        return assess_fit(
-            problem, Regression(information, right, support, penalty, size), **fit_fields
-        )
+        regression = Regression(information, right, support, penalty, size)
+        return assess_fit(problem, regression, **fit_fields)
     gradients = []
     for one, (block, rows, *_) in zip(residuals, parts, strict=True):
         gradient = np.zeros((len(one), n))

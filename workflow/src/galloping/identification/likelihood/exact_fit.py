@@ -114,9 +114,8 @@ def _fit_guesses(start: Start, largest: np.ndarray) -> JoinedFit | None:
         if penalty_factor > 1.0 and chain_fit.settled and has_unseen:
             # a model of fewer terms can have the same limit cycle
             n_unseen = n_unidentifiable_directions(chain_fit.step.information, largest)
-            chain_fit = replace(
-                chain_fit, settled=bool(n_unseen < chain_fit.step.fit.support.sum())
-            )
+            n_terms = int(chain_fit.step.fit.support.sum())
+            chain_fit = replace(chain_fit, settled=n_unseen < n_terms)
         if chain_fit.settled and not (has_kinks and _shows_misfit(start, chain_fit.step.fit)):
             return chain_fit
         if best is None or (best.objection and not chain_fit.objection):

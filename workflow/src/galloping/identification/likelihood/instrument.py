@@ -68,9 +68,8 @@ def find_faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
     residual, _ = segment_residuals(fit.record, fit.free, fit.starts)
-    rates = replace(fit.record, condensed=condensed.as_rates()).predict_projections(
-        fit.free, fit.starts
-    )
+    of_rates = replace(fit.record, condensed=condensed.as_rates())
+    rates = of_rates.predict_projections(fit.free, fit.starts)
     wider, delayed = _add_input_rates(fit)
     entries, columns, tests = _fault_parameters(fit.record, rates, delayed)
 

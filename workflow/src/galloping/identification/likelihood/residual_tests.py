@@ -104,11 +104,9 @@ def diagnose_residuals(
     band_power, excess = np.full(condensed.rows.shape, np.nan), np.zeros(condensed.rows.shape)
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o in range(residual.shape[1]):
-            series = residual[a:b, o, 0]
+            series, motion = residual[a:b, o, 0], condensed.motion[a:b, o, 0]
             sampled = np.count_nonzero(series)
-            is_exact = np.linalg.norm(series) < MIN_RESIDUAL * np.linalg.norm(
-                condensed.motion[a:b, o, 0]
-            )
+            is_exact = np.linalg.norm(series) < MIN_RESIDUAL * np.linalg.norm(motion)
             if b - a < 4 * NEIGHBOUR_BINS or sampled < NEIGHBOUR_BINS or is_exact:
                 continue
             power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled

@@ -387,9 +387,8 @@ def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
         return np.full(len(values), np.nan)
     position = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0
     weight = np.cos(np.pi / 2.0 * position[is_known])
-    return values - legval(
-        position, legfit(position[is_known], values[is_known], DRIFT_DEGREE, w=weight)
-    )
+    drift = legfit(position[is_known], values[is_known], DRIFT_DEGREE, w=weight)
+    return values - legval(position, drift)
 
 
 def rate_without_offset(recording: Recording, state: int) -> np.ndarray:

@@ -135,10 +135,9 @@ def assess_whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) ->
         tests = max(tests, sums, key=lambda each: each.predicted)
     sizes = [np.nan_to_num(np.abs(grid)) for grid in grids]
     largest = max(sizes, key=lambda size: float(size.max()))
-    row, channel = np.unravel_index(np.argmax(largest), largest.shape)
-    return replace(
-        tests, largest=float(largest.max()), jump_time=float(row * step), jump_channel=int(channel)
-    )
+    row, channel = map(int, np.unravel_index(np.argmax(largest), largest.shape))
+    size = float(largest.max())
+    return replace(tests, largest=size, jump_time=float(row * step), jump_channel=channel)
 
 
 def _sum_groups(grid: np.ndarray, many: int) -> np.ndarray:
