@@ -97,9 +97,8 @@ def select_support(
     as in `solve_support`; origin: as in `whiten`. Returns the (n,) boolean support.
     """
     whitened = whiten(information, right, origin)
-    least = np.broadcast_to(
-        penalties.least if isinstance(penalties, Penalties) else penalties, len(right)
-    )
+    least_penalties = penalties.least if isinstance(penalties, Penalties) else penalties
+    least = np.broadcast_to(least_penalties, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
         value, support = _descend_by_moves(whitened, start & whitened.is_usable, least, ends)

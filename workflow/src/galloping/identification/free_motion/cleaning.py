@@ -50,13 +50,12 @@ def _under_force(stretch: Stretch, poles: np.ndarray) -> np.ndarray:
     is_inner = (stretch.time > period) & (stretch.time < stretch.duration - period)
     if stretch.duration < MIN_PERIODS * period or len(poles) > MANY_MODES:
         return is_forced
-    inner = Stretch(
-        stretch.time[is_inner] - period, stretch.values[is_inner], stretch.drift_degrees
-    )
+    time = stretch.time - period
+    inner = Stretch(time[is_inner], stretch.values[is_inner], stretch.drift_degrees)
     modes = attempt(fit_poles, [inner], poles)
     if isinstance(modes, NoModel) or strongest_mode([inner], modes.residuals, poles) is not None:
         return is_forced
-    residual = stretch.values - modes.evaluate(range(len(modes.poles)), 0, stretch.time - period)
+    residual = stretch.values - modes.evaluate(range(len(modes.poles)), 0, time)
     is_fitted = np.isfinite(modes.noise[0])
     residual, noise = residual[:, is_fitted], modes.noise[0][is_fitted]
     with np.errstate(invalid="ignore"):

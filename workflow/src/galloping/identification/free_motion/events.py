@@ -108,9 +108,8 @@ def _strongest_event(stretches: Sequence[Stretch], modes: DampedModes) -> tuple[
         peak = int(np.argmax(gains))
         limit = chdtri(freedom, FALSE_ALARM_RATE / len(stretch.time))
         if gains[peak] > max(limit, most):
-            neighbours = np.arange(
-                samples[max(peak - 1, 0)], samples[min(peak + 1, len(samples) - 1)] + 1
-            )
+            first, last = samples[max(peak - 1, 0)], samples[min(peak + 1, len(samples) - 1)]
+            neighbours = np.arange(first, last + 1)
             finer, _ = _event_gains(stretch, modes, index, neighbours)
             best, most = (index, int(neighbours[np.argmax(finer)])), float(gains[peak])
     return best

@@ -163,9 +163,8 @@ def _near_modes(omega: np.ndarray, poles: np.ndarray | None, resolution: float) 
     """Find frequencies, (n,), rad/s, near modes, where residuals of these remain."""
     is_near = np.zeros(len(omega), bool)
     for k, pole in enumerate(() if poles is None else poles):
-        width = max(
-            5.0 * abs(pole.real), 3.0 * resolution, CLOSE_DISTANCE * pole.imag if k == 0 else 0.0
-        )
+        least = CLOSE_DISTANCE * pole.imag if k == 0 else 0.0
+        width = max(5.0 * abs(pole.real), 3.0 * resolution, least)
         is_near |= np.abs(omega - pole.imag) < width
     return is_near
 

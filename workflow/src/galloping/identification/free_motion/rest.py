@@ -249,9 +249,8 @@ def _find_onsets(
                 continue  # a node of beats
             rest = slice(rested_from, last + max(length // 2, 4))
             level = deviation[:, last] / np.maximum(following[:, last], MIN_FLOAT)
-            if np.all(level[starts[:, last]] > MAX_OSCILLATING_REST) and not _is_still(
-                columns[:, rest]
-            ):
+            oscillates = np.all(level[starts[:, last]] > MAX_OSCILLATING_REST)
+            if oscillates and not _is_still(columns[:, rest]):
                 continue  # a smaller motion
             onset = _find_departure(columns[starts[:, last]], rest, length)
             if all(abs(onset - earlier_onset) > span for earlier_onset, _ in onsets):
@@ -309,12 +308,10 @@ def _without_tail(
         tail = int(share * possible)
         if tail < MIN_REST * length:
             break
-        resolved = samples[
-            np.ptp(samples[:, -tail:], axis=1) > MIN_RESOLUTION_STEPS * resolution[:, 0], -tail:
-        ]
-        if _is_still(resolved):
-            rows = slice(begin, stop - tail)
-            return replace(part, rows=rows, rests_until=end - 1)
+        rest = samples[:, -tail:]
+        is_resolved = np.ptp(rest, axis=1) > MIN_RESOLUTION_STEPS * resolution[:, 0]
+        if _is_still(rest[is_resolved]):
+            return replace(part, rows=slice(begin, stop - tail), rests_until=end - 1)
     return part
 
 

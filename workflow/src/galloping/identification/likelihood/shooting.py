@@ -115,9 +115,8 @@ class ShootingData:
         begin, end, _ = segments.indices(len(first) - 1)
         compiled = self.problem.compile_system(free, self.problem.candidates[:0])
         with np.errstate(all="ignore"):
-            predicted = self.condensed.integrate_segments(
-                compiled, first[begin : end + 1], starts, False
-            )[0]
+            ends = first[begin : end + 1]
+            predicted = self.condensed.integrate_segments(compiled, ends, starts, False)[0]
         size = np.abs(self.condensed.targets).max(axis=(0, 2)) + np.finfo(float).tiny
         return np.where(np.abs(predicted) < DIVERGENCE_RATIO * size[:, None], predicted, np.inf)
 

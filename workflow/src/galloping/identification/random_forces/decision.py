@@ -66,13 +66,9 @@ def fit_random_forces(
         recordings = segments_with_inputs(raw_recordings, problem.inputs)
         with limit_work(recordings) as work:
             cleaned, _, period = prepare_recordings(recordings)
-            whole_model, selection_model = _search_modes(
-                SeveralModes(cleaned, period), fit, fit, True
-            )
-            models = [
-                each for each in (whole_model, selection_model) if isinstance(each, IdentifiedModel)
-            ]
-            outcome = _best_model(models) or whole_model
+            outcomes = _search_modes(SeveralModes(cleaned, period), fit, fit, True)
+            models = [each for each in outcomes if isinstance(each, IdentifiedModel)]
+            outcome = _best_model(models) or outcomes[0]  # that of the whole motion
         if isinstance(outcome, NoModel):
             return outcome
         return add_input_errors(

@@ -312,7 +312,6 @@ def _thin_recordings(recordings: list[Recording]) -> list[Recording]:
     """Reduce the samples to those that a trial needs; keep all of rates, which may be means."""
     if Channels.from_recordings(recordings).rates:
         return recordings
-    every = max(
-        int(shortest_velocity_period(recordings) / SAMPLES_PER_PERIOD / typical_step(recordings)), 1
-    )
+    step = shortest_velocity_period(recordings) / SAMPLES_PER_PERIOD
+    every = max(int(step / typical_step(recordings)), 1)
     return [each[::every] for each in recordings]

@@ -102,9 +102,8 @@ def choose_thresholds(
         observations = problem.observations
         chosen = _scan_thresholds(scaled.library, scaled.targets, candidates, observations)
         return chosen, ridges
-    judged = judge_path(
-        problem.products, problem.held_out, len(problem.states), partial(models_along, path)
-    )
+    models = partial(models_along, path)
+    judged = judge_path(problem.products, problem.held_out, len(problem.states), models)
     ridges, places = np.divmod(judged.choose_sparsest(), len(path))
     supports = judged.supports.reshape(len(ridges), len(RIDGES), len(path), -1)
     supports = supports[np.arange(len(ridges)), ridges]

@@ -61,9 +61,8 @@ def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
     The errors of the state derivatives, each relative to the least of all filters, are added.
     """
     path = partial(forward_models, steps=MAX_TERMS)
-    errors = np.stack(
-        [judge_path(each.products, each.held_out, len(each.states), path).best for each in tried]
-    )
+    judged = [judge_path(each.products, each.held_out, len(each.states), path) for each in tried]
+    errors = np.stack([each.best for each in judged])
     return tried[np.sum(errors / errors.min(axis=0), axis=1).argmin()]
 
 
