@@ -26,7 +26,6 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.likelihood.trajectory_fit import (
     DECREMENT_TOLERANCE,
-    MAX_PASSES,
     take_step,
 )
 from galloping.identification.no_model import NoModelError
@@ -94,7 +93,7 @@ def fit_free_runs(
     previous_fit = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not has_forgotten_start(fit):
         raise NoModelError
-    for _ in range(MAX_PASSES):
+    for _ in range(20):  # passes, at most
         step = take_step(previous_fit, fit, None, None)
         previous_fit, fit = step.before, step.fit
         if step.decrement < DECREMENT_TOLERANCE:

@@ -40,7 +40,9 @@ from galloping.recording.samples import Recording
 # Length of the first segments, in periods. Fits to them converge from a rough guess.
 PERIODS_PER_SEGMENT = 6
 CLOSE_MISFIT = 1.5  # largest chi^2 per projection of a fit that is close enough to choose its terms
-MAX_PASSES = 20  # most passes with joined segments
+# Passes with joined segments: those that select terms, twice as many if the model follows the data
+# after these, and later ones that do not. If all select terms, fewer settle.
+SELECTING_PASSES, SETTLING_PASSES = 14, 6
 # Largest squared length of the last step, in standard deviations. It increases errors by 0.5 %.
 DECREMENT_TOLERANCE = 0.01
 
@@ -261,10 +263,11 @@ def join_segments(
 ) -> JoinedFit:
     """Join fitted segments into continuous trajectories by Gauss-Newton, and select the terms.
 
-    Terms are selected in all but the last passes. Chains grow fourfold until the terms are
-    unchanged: about a rough fit, particularly with too many terms, the solution over a long chain
-    is far from linear in the coefficients, and the apparently best terms mislead. If those of the
-    start are the best already, the chains are whole from the first.
+    Terms are selected in all but the last passes: if the model of a sensitive system follows the
+    data, superfluous terms still disappear slowly, a few in each pass. Chains grow fourfold until
+    the terms are unchanged: about a rough fit, particularly with too many terms, the solution over
+    a long chain is far from linear in the coefficients, and the apparently best terms mislead. If
+    those of the start are the best already, the chains are whole from the first.
 
     free_step: the last step in free segments. penalties: of terms. penalty_factor: on them in the
     first two passes; half of it, but at least one, in the next two, and so on. has_unseen:
@@ -276,13 +279,13 @@ def join_segments(
     best = step.choose_terms(step.fit, penalties.scale_by(penalty_factor))
     # segments in the first chains: with two or eight, three recordings have the same model
     chain = count if np.array_equal(best, step.fit.support) else 4
-    choosing = 14  # passes that choose terms; if all do, fewer settle (identification_parts.csv)
-    whole, settled = False, False
+    n_selecting, n_settling = SELECTING_PASSES, 0 if has_unseen else SETTLING_PASSES
+    whole, settled, iteration = False, False, 0
     try:
-        for iteration in range(choosing if has_unseen else MAX_PASSES):
+        while iteration < n_selecting + n_settling:
             factor = max(penalty_factor / 2 ** (iteration // 2), 1.0)
             longest = None if whole else chain  # changing chains would never settle
-            of_pass = penalties.scale_by(factor) if iteration < choosing else None
+            of_pass = penalties.scale_by(factor) if iteration < n_selecting else None
             step = take_step(step.before, step.fit, longest, of_pass)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if factor == 1.0 and not step.fit.support.any():
@@ -296,6 +299,9 @@ def join_segments(
             whole = unchanged and was_whole
             if not whole:
                 chain = count if unchanged else 4 * chain
+            iteration += 1
+            if iteration == SELECTING_PASSES and not has_unseen and step.fit.misfit < CLOSE_MISFIT:
+                n_selecting *= 2
     except FloatingPointError as error:
         return JoinedFit(free_step, step, ("left",), False, as_findings(error)[0])
     misfit = step.fit.misfit
