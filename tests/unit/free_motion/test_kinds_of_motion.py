@@ -138,6 +138,23 @@ def test_a_decay_by_drag_into_the_noise_is_no_motion_in_random_forces(linear):
     assert "|dq| dq" in missing.data["term"]
 
 
+@pytest.mark.parametrize("noise", ["correlated", "proportional"])
+def test_noise_that_is_not_white_hides_no_term_of_a_decay(noise):
+    time, rng = np.arange(700) / 10.0, np.random.default_rng(7)
+    motion = moved(
+        lambda _, x: [x[1], -4.0 * x[0] - 0.04 * x[1] - 0.8 * x[0] ** 3], (1.2, 0.0), time
+    )[:, 0]
+    white = rng.standard_normal(len(time))
+    size = 0.03 * motion.std() if noise == "correlated" else 0.05 * motion
+    samples = motion + size * (lfilter([0.8], [1, -0.6], white) if np.isscalar(size) else white)
+    found = identified(samples, time=time)
+    assert found.status == "approximate" and not found.envelope
+    cubic = found.model.terms.index((3, 0))
+    error = found.standard_errors[1, cubic]
+    assert 0.0 < error < 0.3
+    assert found.model.coefficients[1, cubic] == pytest.approx(-0.8, abs=3.0 * error)
+
+
 def test_parts_of_a_decay_that_agree_by_chance_have_their_own_errors():
     time = np.arange(1200) / 20.0
     states = moved(

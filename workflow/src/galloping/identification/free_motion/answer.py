@@ -1,9 +1,10 @@
 """Models of free motion: the mode of each coordinate, and further modes.
 
 If damped sinusoids follow the motion to the noise, the model is linear, with as many modes as
-coordinates. Otherwise the usual search is applied to the motion without its further modes; if that
-finds no model, frequency and damping are determined for each amplitude, and the model is their
-mean.
+coordinates. Otherwise the usual search is applied to the motion without its further modes. If
+only noise of another kind than white contradicts its model, the approximate model is that of the
+usual search. If it finds no model, frequency and damping are determined for each amplitude, and the
+model is their mean.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -31,6 +32,10 @@ from galloping.recording.samples import Recording
 
 MAX_NOISE = 1.2  # largest ratio of the residuals of a linear model to the stated noise
 FREE_MOTION = "free motion"  # path of a model in `diagnostics`
+# Objections that noise of another kind than white causes to a model with the right terms.
+NOISE_CODES = {Code.RESIDUAL_POWER, Code.NOISE_CORRELATED, Code.NOISE_GROWS, Code.TIMES_JITTER}
+Search = Callable[[list[Recording]], IdentifiedModel | NoModel]
+Approximation = Callable[[list[Recording], tuple[Finding, ...]], IdentifiedModel | NoModel]
 
 
 def is_of_one_coordinate(recordings: Sequence[Recording]) -> bool:
@@ -56,13 +61,15 @@ def identify_free_motion(
     problem: Problem,
     motion: FreeMotion,
     recordings: list[Recording],
-    search: Callable[[list[Recording]], IdentifiedModel | NoModel],
+    search: Search,
+    approximate: Approximation,
 ) -> IdentifiedModel:
     """Identify the equations of a freely decaying or growing motion.
 
     The motion is linear, or of one coordinate. recordings: those of the motion, with the rest after
     it if it may stick. search: the general search for a model that follows recordings to the noise.
-    Raises as `identify_linear_motion`.
+    approximate: the search for an approximate model, given the objections to all others. Raises as
+    `identify_linear_motion`.
     """
     if not _can_be_linear(problem, motion):
         raise NoModelError
@@ -79,7 +86,15 @@ def identify_free_motion(
         raise NoModelError  # a growing motion may approach a limit cycle
     if motion.linear_motion:
         return identify_linear_motion(problem, motion.linear_motion)
-    return _identify_mean_model(problem, motion, outcome.findings)
+    codes = {each.code for each in outcome.findings}
+    is_noise = bool(codes) and codes <= NOISE_CODES
+    if is_noise:
+        approximation = approximate(recordings, outcome.findings)
+        if isinstance(approximation, IdentifiedModel) and approximation.status == "approximate":
+            motion = replace(motion, own_modes=motion.own_modes[:1], steady_modes=())
+            return prepend_path([FREE_MOTION], with_further_modes(approximation, motion))
+    missing_terms = [each for each in outcome.findings if each.code == Code.TERM_MISSING]
+    return _identify_mean_model(problem, motion, outcome.findings if is_noise else missing_terms)
 
 
 def identify_linear_motion(problem: Problem, motion: FreeMotion) -> IdentifiedModel:
@@ -193,9 +208,9 @@ def _noise_excess(motion: FreeMotion) -> float:
 
 
 def _identify_mean_model(
-    problem: Problem, motion: FreeMotion, objections: Sequence[Finding]
+    problem: Problem, motion: FreeMotion, causes: Sequence[Finding]
 ) -> IdentifiedModel:
-    """Identify the mean linear model of a motion that no model follows, for given reasons."""
+    """Identify the mean linear model of a motion that no model follows, for given causes."""
     modes, mode, names = motion.modes, motion.own_modes[0], motion.channels.names
     parts: list[EnvelopePart] = []
     for index, stretch in enumerate(motion.stretches):
@@ -219,9 +234,8 @@ def _identify_mean_model(
     slopes = by_entry.reshape(2, 4)
     covariance = slopes.T @ spread @ slopes
     identified = _identified_model(problem, motion, system, covariance)
-    missing_terms = (each for each in objections if each.code == Code.TERM_MISSING)
     changing = Finding.of(Code.NOT_EXPONENTIAL, problem.states[coordinate])
-    return replace(identified, envelope=tuple(parts)).with_findings(*missing_terms, changing)
+    return replace(identified, envelope=tuple(parts)).with_findings(*causes, changing)
 
 
 def _identified_model(

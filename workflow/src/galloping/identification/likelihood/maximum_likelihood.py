@@ -163,8 +163,8 @@ def _search_model(
     recordings = moving.recordings
     if (motion := find_free_motion(moving.until_rest)) is not None:
         with limit_work(recordings, 0.2 * MAX_WORK):
-            search = partial(_fit_free_motion, problem)
-            outcome = attempt(identify_free_motion, problem, motion, recordings, search)
+            searches = partial(_fit_free_motion, problem), partial(_approximate_motion, problem)
+            outcome = attempt(identify_free_motion, problem, motion, recordings, *searches)
         if isinstance(outcome, IdentifiedModel):
             return outcome
     return _search_time_scales(problem, recordings, start)
@@ -173,6 +173,13 @@ def _search_model(
 def _fit_free_motion(problem: Problem, recordings: list[Recording]) -> Outcome:
     """Fit the model that follows free motion to the noise."""
     return _search_equilibria(make_start(problem, recordings), fit_exact)
+
+
+def _approximate_motion(
+    problem: Problem, recordings: list[Recording], objections: Findings
+) -> Outcome:
+    """Fit the approximate model of free motion that no model follows for reasons given."""
+    return _search_approximate(make_start(problem, recordings), objections)[0]
 
 
 def _search_time_scales(
