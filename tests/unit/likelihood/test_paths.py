@@ -186,6 +186,20 @@ def test_a_term_is_not_imitated_because_its_chain_grows_far():
     assert (found.status, found.codes) == ("ok", "")
 
 
+@pytest.mark.slow
+def test_a_sensitive_swing_loses_its_superfluous_terms():
+    """A few in each pass: after 14 passes the model follows the recording with 25 terms of 16."""
+    time, simulator = time_grid(300.0, 100.0), Simulator(STATES, TERMS)
+    true, motions = next(draw_lines(make_generator(31337001, "random line", 74), simulator, time))
+    columns = {
+        "group": "random lines", "case": "all", "protocol": "state", "level": 0.05,
+        "seed": 31337001, "replicate": 74, "release": 0,
+    }  # fmt: skip
+    recording = simulate_recording(columns, true, time, motions[0]).recording
+    found = maximum_likelihood(recording, true.terms)
+    assert found.status == "ok" and against_truth(true, found)["exact_support"], found.reason
+
+
 def test_of_little_noise_a_constant_is_no_cheaper_than_other_terms():
     """Noise makes one up here, which improves chi^2 by more than a constant costs elsewhere."""
     true = SYSTEMS["lorenz"].model.on_library(library(3, 2))

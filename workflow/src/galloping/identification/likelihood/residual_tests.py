@@ -171,7 +171,7 @@ def _unfold(
 
     time, s, and values: (n,) the samples, at a higher rate. Of the frequencies that fold to the
     given one, the line has the highest power relative to its neighbours. least: height of a line
-    that is no noise. Returns the given frequency if no line is higher.
+    that is no noise. If no line is higher, it is the given one, below half the sampling rate.
     """
     is_known = np.isfinite(values)
     time, values = time[is_known], values[is_known] - values[is_known].mean()
@@ -192,7 +192,7 @@ def _unfold(
         return float(np.max(heights[max(place - 1, 0) : place + 2], initial=0.0))
 
     highest = max(candidates, key=height)
-    return float(highest) if height(highest) > least else frequency
+    return float(highest if height(highest) > least else candidates[0])
 
 
 def _highest_peak(power: np.ndarray) -> tuple[float, int]:
