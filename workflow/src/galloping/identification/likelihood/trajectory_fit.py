@@ -139,7 +139,7 @@ def follows_in_segments(start: Start) -> bool:
 
 def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None:
     """Iterate over free segments; None if they determine no combination of terms."""
-    previous_fit, misfit = fit, np.inf
+    previous_fit = fit
     # with three steps fewer models are `ok` (docs/identification_parts.csv); after the last step
     # segments are joined, however bad the fit
     for _ in range(5):
@@ -147,11 +147,8 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
         if n_unidentifiable_directions(step.information, largest) == len(largest):
             return None
         previous_fit, fit = step.before, step.fit
-        # each pass towards a close fit at least halves a large misfit
-        is_hopeless = fit.misfit > max(misfit / 2.0, 10.0)
-        if fit.misfit < CLOSE_MISFIT or is_hopeless:
+        if fit.misfit < CLOSE_MISFIT:
             break
-        misfit = fit.misfit
     return step
 
 
