@@ -53,6 +53,30 @@ def test_accelerations_with_offset_and_drift_sharpen_the_model():
     assert np.median(ratio) < 0.9
 
 
+@pytest.mark.parametrize(
+    ("equation", "start"),
+    [("-4 q - 0.15 dq - 2 q^3", 0.5), ("-4 q + 0.15 dq - 0.3 dq^3 - 0.5 q^3", 0.1)],
+    ids=["decay", "growth"],
+)
+def test_an_unknown_offset_changes_no_model_of_an_accelerometer_alone(equation, start):
+    true, time = parse_model(f"q = dq; dq = {equation}"), np.arange(0.0, 40.0, 0.03)
+    motion = simulate(true, (start, 0.0), time).states
+    rate = true(motion)[:, 1]
+    rate += 0.05 * rate.std() * np.random.default_rng(9400).standard_normal(len(time))
+    coefficients = []
+    for offset in (0.0, 0.3):
+        rates = np.column_stack([np.full(len(time), np.nan), rate + offset])
+        missing = np.full_like(rates, np.nan)
+        recording = Recording(
+            time, true.states, missing, rates=rates, unknown_offsets=[False, True]
+        )
+        found = maximum_likelihood(recording, polynomial_library(2, 3))
+        assert found.status == "ok", found.reason
+        assert np.array_equal(found.support[1], true.on_library(found.model.terms).support[1])
+        coefficients.append(found.model.coefficients)
+    np.testing.assert_allclose(*coefficients, rtol=1e-6)
+
+
 def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     measured = recording(5, scale=1.15)
     both, alone = (maximum_likelihood(r, TERMS) for r in (measured, replace(measured, rates=None)))

@@ -140,7 +140,7 @@ def without_offsets(
         # eight robust deviations, instead of 5.5 for samples: slopes are rougher than the curve
         limit = 8.0 * _robust_deviation(difference[good, k : k + 1])[0]
         rates[is_inner & (np.abs(difference[:, k]) > limit), k] = np.nan
-    return replace(recording, rates=rates)
+    return replace(recording, rates=rates, unknown_offsets=None)
 
 
 def check_rates(recording: Recording, smoothed: Smooth) -> None:
