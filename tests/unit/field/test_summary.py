@@ -115,6 +115,27 @@ def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind,
     assert said in outcome and "  " not in outcome
 
 
+def test_the_result_is_stated_at_the_means_of_the_inputs(summary):
+    """Growth and onset are those of the model at these means, not at each recorded moment."""
+    values = {state: Value(*DIES) for state in ("q_v", "q_w")}
+    for means, said in (
+        ({}, "**As recorded, the line"),
+        ({"U": 9.2}, "**At U = 9.2, its mean, the line"),
+        ({"U": 9.2, "F": 0.5}, "**At U = 9.2 and F = 0.5, their means, the line"),
+    ):
+        known = replace(summary.dynamics, damping=values, kind="rest", at=means)
+        text = str(replace(summary, dynamics=known))
+        assert f"{said} does not gallop.**" in text
+
+
+def test_growth_of_a_further_mode_is_told_by_its_name(summary):
+    values = {"q_v": Value(*GROWS), "the mode at 0.31 Hz": Value(*GROWS)}
+    frequencies = summary.dynamics.frequencies | {"the mode at 0.31 Hz": Value(0.31, 0.30, 0.32)}
+    known = replace(summary.dynamics, damping=values, frequencies=frequencies)
+    text = str(replace(summary, dynamics=known))
+    assert "vertical ones double in" in text and "those of the mode at 0.31 Hz double in" in text
+
+
 def test_a_motion_that_keeps_its_size_may_be_galloping(summary):
     values = {state: Value(*NONE) for state in ("q_v", "q_w")}
     known = replace(summary.dynamics, damping=values, period=None)

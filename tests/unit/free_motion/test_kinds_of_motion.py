@@ -247,6 +247,18 @@ def test_growth_to_a_limit_cycle_in_correlated_noise_is_no_pair_of_growing_modes
     assert growth == pytest.approx(0.06, abs=0.015)
 
 
+@pytest.mark.parametrize("begin", [0.05, 0.15])
+def test_truncated_samples_of_growth_to_a_limit_cycle_are_no_growing_modes(begin):
+    time = np.arange(1000) * 0.1
+    states = moved(
+        lambda _, x: [x[1], -4.0 * x[0] + 0.1 * x[1] - 0.1 * x[1] ** 3], (begin, 0.0), time
+    )
+    unit = 0.2 * states[:, 0].std()
+    found = identified(unit * np.trunc(states[:, 0] / unit), time=time)
+    terms = dict(zip(found.model.term_names, found.model.coefficients[1], strict=True))
+    assert found.status != "ok" or terms["dq^3"] < 0.0
+
+
 @pytest.mark.parametrize(("count", "begin", "seed"), [(700, 1.2, 5501), (500, 1.0, 5507)])
 def test_damping_that_depends_on_the_amplitude_is_no_event(count, begin, seed):
     time, rng = 0.1 * np.arange(count), np.random.default_rng(seed)

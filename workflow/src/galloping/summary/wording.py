@@ -99,6 +99,7 @@ def render_summary(
         "sure": bool(np.any(identified.standard_errors > 0.0)),
         "of_span": of_span,
         "conditions": _conditions(identified, units),
+        "condition": _condition(numbers),
         "line": line,
         "gallop": "gallop" if of_span else "sustain oscillations by itself",
         "gallops": "gallops" if of_span else "sustains oscillations by itself",
@@ -192,6 +193,17 @@ def _conditions(identified: IdentifiedModel, units: Mapping[str, str]) -> str:
     return (
         f"values of {join_words(identified.model.inputs)} and " if identified.model.inputs else ""
     )
+
+
+def _condition(numbers: SummaryNumbers) -> str:
+    """Describe where properties of the system are computed: at the means of its inputs."""
+    means = numbers.system.at if numbers.system else {}
+    if not means:
+        return "As recorded"
+    values = join_words(
+        [f"{name} = {mean.value:.3g} {mean.unit}".rstrip() for name, mean in means.items()]
+    )
+    return f"At {values}, {'its mean' if len(means) == 1 else 'their means'}"
 
 
 @cache
@@ -335,7 +347,7 @@ def _describe_modes(
         ],
         "untold": any(isnan(value.low + value.high) for value in damped.values()),
         "growing": [
-            f"{_name(one.name)} ones double in {_doubling(one.doubling_time)}"
+            f"{_growing_name(one.name)} double in {_doubling(one.doubling_time)}"
             for one in system.small_motions
             if one.doubling_time is not None
         ],
@@ -349,6 +361,10 @@ def _describe_modes(
             if isnan(value.value)
         ),
     }
+
+
+def _growing_name(state: str) -> str:
+    return f"{_name(state)} ones" if meaning(state) else f"those of {_name(state)}"
 
 
 def _doubling(time: Estimate) -> str:

@@ -128,7 +128,7 @@ def falls_or_rises(amplitudes: Sequence[tuple[np.ndarray, np.ndarray]]) -> bool:
     It must change by a factor of MIN_CHANGE or more in each, all in the same direction. amplitudes:
     values and standard errors, (n_windows,) each, for each stretch, in the order of time.
     """
-    if any(len(sizes) < 3 for sizes, _ in amplitudes):
+    if any(len(sizes) < 3 or np.any(sizes == 0.0) for sizes, _ in amplitudes):
         return False
     falls, allowed, are_large = [], [], []
     for sizes, errors in amplitudes:

@@ -100,7 +100,8 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
     if modes is None:
         return None
     order = linearity.resolved_modes(stretches, modes, is_noise)
-    is_linear = is_noise and linearity.has_linear_modes(stretches, modes, order)
+    n_coordinates = len(channels.pairs)
+    is_linear = is_noise and linearity.has_linear_modes(stretches, modes, order, n_coordinates)
     findings: list[Finding] = []
     linear_motion: FreeMotion | None = None
     if is_linear and linearity.may_be_single(stretches, modes, order):
@@ -110,7 +111,7 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
     if not is_linear:
         floor = modes.misfit
         modes = linearity.refit_main_oscillation(stretches, modes, order)
-        events = _find_linear_events(stretches, modes, floor)
+        events = _find_linear_events(stretches, modes, floor, n_coordinates)
         if events is not None and not (is_noise and floor < _penalised_misfit(stretches, events)):
             recordings, findings = _split_at_events(recordings, events, channels)
             stretches, modes, is_linear = events.stretches, events.modes, True
@@ -122,7 +123,7 @@ def _free_motion(recordings: list[Recording], channels: Channels) -> FreeMotion 
 
 
 def _find_linear_events(
-    stretches: list[Stretch], modes: DampedModes, floor: float
+    stretches: list[Stretch], modes: DampedModes, floor: float, n_coordinates: int
 ) -> MotionBetweenEvents | None:
     """Find events between which motion is linear, None if there are none, or too many.
 
@@ -136,7 +137,7 @@ def _find_linear_events(
             order = linearity.resolved_modes(events.stretches, events.modes, is_noise=True)
             fit = events.stretches, events.modes, order
             if (
-                linearity.has_linear_modes(*fit)
+                linearity.has_linear_modes(*fit, n_coordinates)
                 and not linearity.may_be_single(*fit)
                 and not linearity.has_changing_force(events.stretches, events.origins, events.modes)
                 and not _is_explained_by_amplitude(stretches, start, events)

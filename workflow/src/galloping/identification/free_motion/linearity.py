@@ -73,7 +73,7 @@ def _is_transient(
 
 
 def has_linear_modes(
-    stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int]
+    stretches: Sequence[Stretch], modes: DampedModes, order: Sequence[int], n_coordinates: int
 ) -> bool:
     """Decide whether fitted damped sinusoids are the modes of a linear motion.
 
@@ -81,10 +81,12 @@ def has_linear_modes(
     resolved modes, that with most energy first.
     """
     own_modes = [k for k in order if not is_steady(stretches, modes, k)]
-    if len(order) < len(modes.poles) or (own_modes and _has_opposite_growth(modes, own_modes)):
+    if len(order) < len(modes.poles):
         return False
     if not own_modes:
         return True
+    if _has_opposite_growth(modes, own_modes) or _grows_in_parts(modes, own_modes, n_coordinates):
+        return False
     gains, freedom = amplitude_gains(stretches, modes, own_modes[0])
     return not gains.max() > chdtri(max(freedom, 1), FALSE_ALARM_RATE / len(gains))
 
@@ -147,6 +149,16 @@ def _has_opposite_growth(modes: DampedModes, own_modes: Sequence[int]) -> bool:
     main = modes.poles[own_modes[0]]
     opposed = modes.poles.real * np.sign(main.real) < -MIN_SIGNIFICANCE * modes.growth_errors
     return bool(np.any((opposed & is_close(modes.poles, main))[own_modes]))
+
+
+def _grows_in_parts(modes: DampedModes, own_modes: Sequence[int], n_coordinates: int) -> bool:
+    """Decide whether modes beyond one per coordinate grow at multiples of the main frequency.
+
+    Together they follow growth to a limit cycle, or coarse samples of it.
+    """
+    further = modes.poles[own_modes[n_coordinates:]]
+    motion = modes.poles[own_modes[:1]]
+    return bool(motion[0].real > 0.0 and np.any(is_part_of(further, motion) & (further.real > 0.0)))
 
 
 def _is_multiple(modes: DampedModes, k: int, main: int, times: int) -> bool:
