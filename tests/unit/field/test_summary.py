@@ -129,7 +129,7 @@ def test_the_result_is_stated_at_the_means_of_the_inputs(summary):
 
 
 def test_growth_of_a_further_mode_is_told_by_its_name(summary):
-    values = {"q_v": Value(*GROWS), "the mode at 0.31 Hz": Value(*GROWS)}
+    values = {state: Value(*GROWS) for state in ("q_v", "q_w", "the mode at 0.31 Hz")}
     frequencies = summary.dynamics.frequencies | {"the mode at 0.31 Hz": Value(0.31, 0.30, 0.32)}
     known = replace(summary.dynamics, damping=values, frequencies=frequencies)
     text = str(replace(summary, dynamics=known))
