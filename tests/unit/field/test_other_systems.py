@@ -126,3 +126,9 @@ def test_a_first_guess_of_a_coordinate_without_a_sensor_is_zero() -> None:
     values[:, 0] = np.sin(np.arange(300) * 0.1)
     recording = Recording(np.arange(300) * 0.1, ("x", "y", "dx", "dy"), values)
     assert first_guess(recording, 0)[[1, 3]].tolist() == [0.0, 0.0]
+
+
+def test_a_first_guess_of_the_velocity_at_rest_is_zero() -> None:
+    time = np.arange(100) / 10.0
+    recording = Recording(time, ("q", "dq"), np.column_stack([np.zeros(100), np.full(100, np.nan)]))
+    assert first_guess(recording, 0).tolist() == [0.0, 0.0]

@@ -1,5 +1,6 @@
 """Motions of a model as the sensors of a recording see them, and their initial states."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,6 +9,7 @@ import numpy as np
 from galloping.cycles.settling import estimate_missing_sizes
 from galloping.identification.identified_model import IdentifiedModel
 from galloping.identification.inputs import checked_recordings
+from galloping.identification.no_model import IdentificationError
 from galloping.identification.preparation.smoothing import (
     rate_without_offset,
     shortest_period,
@@ -277,8 +279,9 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
                 continue
             distance = np.abs(time[is_finite] - time[begin])
             nearest = np.partition(distance, MIN_SLOPE_SAMPLES)[MIN_SLOPE_SAMPLES]
-            is_near = distance <= max(SLOPE_PERIODS / 2 * shortest_period([recording]), nearest)
-            guess[k] = np.polyfit(
-                time[is_finite][is_near] - time[begin], source[is_finite][is_near], 1
-            )[0]
+            with suppress(IdentificationError):  # without any motion, the velocity is zero
+                is_near = distance <= max(SLOPE_PERIODS / 2 * shortest_period([recording]), nearest)
+                guess[k] = np.polyfit(
+                    time[is_finite][is_near] - time[begin], source[is_finite][is_near], 1
+                )[0]
     return guess

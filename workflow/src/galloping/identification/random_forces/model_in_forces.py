@@ -275,7 +275,7 @@ def _assess_fit(
     findings = (
         Finding.of(Code.RANDOM_FORCES),
         *(Finding.of(Code.MODE_BESIDE, frequency_hz=hertz) for hertz in beside),
-        *([] if whiteness.is_white else [fit.deviation]),
+        *([fit.deviation] if whiteness.is_reported else []),
     )
     return IdentifiedModel(
         model=problem.model(model.coefficients),

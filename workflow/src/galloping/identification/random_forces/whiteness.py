@@ -103,6 +103,11 @@ class Whiteness:
         return self.statistic <= self.allowed and not self.has_other_cause
 
     @property
+    def is_reported(self) -> bool:
+        """Whether a deviation from white noise is stated: not if it is 0.0 % of the power."""
+        return not self.is_white and (self.has_other_cause or round(self.predicted, 3) > 0.0)
+
+    @property
     def may_be_random(self) -> bool:
         """Whether the innovations are white enough for a motion that random forces drive."""
         is_small = self.peak < MAX_LINE * self.peak_allowed and self.predicted < MAX_PREDICTED_SHARE
