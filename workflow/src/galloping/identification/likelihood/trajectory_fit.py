@@ -138,7 +138,10 @@ def follows_in_segments(start: Start) -> bool:
 
 
 def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None:
-    """Iterate over free segments; None if they determine no combination of terms."""
+    """Iterate over free segments, until the fit is close or chi^2 settles.
+
+    Returns None if the segments determine no combination of terms.
+    """
     previous_fit = fit
     # with three steps fewer models are `ok` (docs/identification_parts.csv); after the last step
     # segments are joined, however bad the fit
@@ -147,7 +150,8 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
         if n_unidentifiable_directions(step.information, largest) == len(largest):
             return None
         previous_fit, fit = step.before, step.fit
-        if fit.misfit < CLOSE_MISFIT:
+        has_settled = abs(fit.chi2 / previous_fit.chi2 - 1.0) < 0.02
+        if fit.misfit < CLOSE_MISFIT or has_settled:
             break
     return step
 
