@@ -260,8 +260,13 @@ def _running_amplitudes(
 
 
 def _penalised_misfit(stretches: list[Stretch], events: MotionBetweenEvents) -> float:
-    """Compute the misfit of a fit with events, plus the penalty of their parameters."""
-    added = (len(events.stretches) - len(stretches)) * (2 * len(events.modes.poles) + 2)
+    """Compute the misfit of a fit with events, plus the penalty of their parameters.
+
+    Each event adds its time and, for each channel, the amplitudes of the modes and an offset.
+    """
+    n_channels = stretches[0].values.shape[1]
+    of_event = 1 + n_channels * (2 * len(events.modes.poles) + 1)
+    added = (len(events.stretches) - len(stretches)) * of_event
     samples = sum(np.count_nonzero(np.isfinite(one.values)) for one in stretches)
     return events.modes.misfit + added * np.log(samples)
 
