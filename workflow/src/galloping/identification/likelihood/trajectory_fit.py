@@ -138,7 +138,7 @@ def follows_in_segments(start: Start) -> bool:
 
 
 def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None:
-    """Iterate over free segments, until the fit is close or chi^2 settles.
+    """Iterate over free segments until the fit is close, or chi^2 falls slowly.
 
     Returns None if the segments determine no combination of terms.
     """
@@ -150,8 +150,9 @@ def _iterate_free_segments(fit: ShootingFit, largest: np.ndarray) -> Step | None
         if n_unidentifiable_directions(step.information, largest) == len(largest):
             return None
         previous_fit, fit = step.before, step.fit
-        has_settled = abs(fit.chi2 / previous_fit.chi2 - 1.0) < 0.02
-        if fit.misfit < CLOSE_MISFIT or has_settled:
+        # with 0.7 or 0.8, two of 36 published systems are found that five passes miss
+        is_slow = fit.chi2 > 0.8 * previous_fit.chi2
+        if fit.misfit < CLOSE_MISFIT or is_slow:
             break
     return step
 
