@@ -33,12 +33,14 @@ SEED = 2718281
 Known = tuple[PolynomialModel, Recording]
 
 
-def published(name: str, level: float, periods: float = RECORDED_PERIODS) -> Known:
+def published(
+    name: str, level: float, periods: float = RECORDED_PERIODS, seed: int = SEED
+) -> Known:
     """Of a published system, 500 samples of thirty periods, as its trial makes it."""
     true, time = SYSTEMS[name].model, np.linspace(0.0, periods * SYSTEMS[name].period, 500)
     columns = {
         "system": name, "states": len(true.states), "samples": 500,
-        "protocol": "state", "level": level, "seed": SEED, "replicate": 0,
+        "protocol": "state", "level": level, "seed": seed, "replicate": 0,
     }  # fmt: skip
     motion = simulate(true, SYSTEMS[name].start, time).states
     return true, simulate_recording(columns, true, time, motion).recording
@@ -73,6 +75,7 @@ FOUND = {
     "few terms": lambda: published("van_der_pol", 0.2),
     # of more periods the motion, which is chaotic, is another one for another rounding
     "second degree": lambda: published("lorenz", 0.2, periods=15),
+    "slow pass": lambda: published("brusselator", 0.1, seed=1732051),
     "3 periods": lambda: published("rayleigh", 0.1),
     "0.75 periods": lambda: published("rayleigh", 0.2),
     "selected with the prior": lambda: random_line(18, 1, 2),
