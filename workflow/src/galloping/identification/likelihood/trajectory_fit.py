@@ -29,7 +29,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.no_model import NotConvergedError, as_findings
 from galloping.identification.preparation.channels import Channels
 from galloping.identification.preparation.rate_channels import channel_noise
-from galloping.identification.preparation.smoothing import MIN_FREEDOM, Smooth, stack_channels
+from galloping.identification.preparation.smoothing import MIN_FREEDOM, Smooth, rate_without_offset
 from galloping.identification.preparation.weak_form import Start, WeakFit
 from galloping.identification.selection import Penalties, n_unidentifiable_directions
 from galloping.identification.work import is_exhausted
@@ -168,11 +168,19 @@ def prepare_fit(
     """
     recordings, smoothed, period = start.recordings, start.smoothed, start.period
     problem, channels = start.problem, Channels.from_recordings(recordings)
-    columns = channels.observed + len(problem.states) * channels.is_rate  # in `stack_channels`
+    columns = channels.observed + len(problem.states) * channels.is_rate  # of states, then of rates
     noises = [channel_noise(*one) for one in zip(recordings, smoothed, strict=True)]
     noise, known = np.take(np.stack(noises, axis=1), columns, axis=2)
     times = [one.time for one in recordings]
-    sampled = [stack_channels(one)[:, columns] for one in recordings]
+    sampled = [
+        np.column_stack(
+            [
+                rate_without_offset(one, k) if is_rate else one.values[:, k]
+                for k, is_rate in zip(channels.observed, channels.is_rate, strict=True)
+            ]
+        )
+        for one in recordings
+    ]
     curves = [
         np.hstack([one.states, np.gradient(one.states, one.time, axis=0)]) for one in smoothed
     ]

@@ -325,12 +325,8 @@ def sampled_rates(recording: Recording) -> np.ndarray:
 
 
 def stack_channels(recording: Recording) -> np.ndarray:
-    """Stack the samples of states and then of their rates, (n, 2 n_states), NaN if none.
-
-    Rates are without their unknown offsets.
-    """
-    rates = [rate_without_offset(recording, k) for k in range(len(recording.states))]
-    return np.column_stack([recording.values, *rates])
+    """Stack the samples of states and then of their rates, (n, 2 n_states), NaN if none."""
+    return np.hstack([recording.values, sampled_rates(recording)])
 
 
 def unmeasured_displacements(recording: Recording) -> dict[int, int]:
