@@ -227,6 +227,13 @@ def test_free_decays_are_drawn_by_number_and_judged():
     assert 0.0 < abs(error) < 4.0
 
 
+def test_rests_are_found_with_an_accelerometer_of_unknown_offset():
+    """A drift that is subtracted from all samples moves those at rest."""
+    rows = list(free_decays.trial(8284271, "free decay with a second mode", [22, 46], METHODS))
+    assert [row["sensors"] for row in rows] == ["acceleration"] * 2
+    assert [row["findings"] for row in rows] == ["released", "released came_to_rest"]
+
+
 @pytest.mark.slow
 def test_free_decays_are_told_with_intervals_that_hold():
     # of another seed than the method was designed with
